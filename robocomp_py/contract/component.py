@@ -14,7 +14,7 @@ from .qos import DEFAULT_QOS, QoS
 from .statemachine import StateMachine
 
 MAX_SECONDS = 1e6
-"""No period and no deadline is longer: clocks and locks do not take every number."""
+"""The longest period and deadline; clocks and locks refuse larger numbers."""
 
 TAKEN = frozenset(
     {
@@ -22,7 +22,7 @@ TAKEN = frozenset(
         *("_abc_impl", "_in_front", "_is_protocol", "_set_period", "_takes_any_params"),
     }
 )
-"""What every worker has, of the names that a handler could have: interface, underscore, operation."""
+"""Attributes of every worker that look like a handler's name: interface, underscore, operation."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Port:
 
     @cached_property
     def label(self) -> str:
-        """What people call it, and the handlers of what it receives begin with: `Laser1`."""
+        """Its name in messages, and the prefix of its handlers: `Laser1`."""
         return self.interface.short + self.number
 
     @property
@@ -71,21 +71,21 @@ class Component:
     description: str = ""
     machine: StateMachine | None = None
     window: str = ""
-    """What kind of window it is, `QWidget` or `QMainWindow`, if its CDSL has a `gui`."""
+    """The class of its window, `QWidget` or `QMainWindow`, if its CDSL has a `gui`."""
 
     @property
     def topics(self) -> list[str]:
-        """What its ports of publications are called by people."""
+        """The labels of its publication ports."""
         return [port.label for port in self.ports if port.verb.is_topic]
 
     def handlers(self) -> list[tuple[Port, Operation[Any]]]:
-        """The operations that call the component, each with the port by which it comes."""
+        """The operations that call the component, each with its port."""
         ports = [port for port in self.ports if not port.verb.has_proxy]
         return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
 
     def fingerprints(self) -> dict[str, str]:
-        """What it provides and uses: by qualified operation (`RoboCompLaser::Laser.getLaserData`), its fingerprint as
-        16 hexadecimal digits."""
+        """The fingerprints of all its operations, as 16 hexadecimal digits, by qualified name
+        (`RoboCompLaser::Laser.getLaserData`)."""
         return {
             f"{operation.interface}.{operation.name}": f"{operation.fingerprint:016x}"
             for port in self.ports
@@ -93,10 +93,10 @@ class Component:
         }
 
     def segment(self, port: Port) -> str:
-        """How a port that provides something appears in the names of channels: `Laser`, `Laser1`, ...
+        """The name of a port in the names of its channels: `Laser`, `Laser1`, ...
 
-        Counted among the uses of its own verb, so that what else the component does with an
-        interface, and in which order it says so, is nothing that others have to know.
+        Ports are counted per verb, so the name does not depend on other uses of the same interface or
+        on their order.
         """
         short = port.interface.short
         same = [each for each in self.ports if each.verb is port.verb and each.interface.short == short]
@@ -105,7 +105,7 @@ class Component:
 
 
 def numbers(uses: Iterable[tuple[Verb, str]]) -> list[str]:
-    """The one rule for using an interface several times: "" for the first, then "1", "2", ...
+    """Number the uses of each interface: "" for the first, then "1", "2", ...
 
     Proxies (requires, publishes) are numbered together, and so are handlers (implements,
     subscribesTo), because they share attribute and method names. See `Component.segment` for others.

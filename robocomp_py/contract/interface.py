@@ -68,7 +68,7 @@ class Operation(Generic[R]):
     def carried(self, verb: Verb) -> Pattern | None:
         """The pattern of this operation under that verb; None if the verb has no part in it.
 
-        What gives something back cannot be a publication.
+        An operation that returns something cannot be a publication.
         """
         if self.pattern is None:
             if not verb.is_topic:

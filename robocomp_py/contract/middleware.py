@@ -1,8 +1,8 @@
-"""How the choice of a middleware is written, and what carries the messages where it is left open.
+"""How the choice of a middleware is written, and what carries messages if it is left open.
 
-zeromq       that one, and no other
-auto         rcdeploy chooses the fastest for each link; DEFAULT where nothing faster can be had
-auto(dds)    the same, with that one where nothing faster can be had
+zeromq       always this middleware
+auto         rcdeploy chooses the fastest for each link, or DEFAULT if nothing is faster
+auto(dds)    the same, with dds instead of DEFAULT
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ AUTO = "auto"
 """The choice of a component that was generated without one."""
 
 DEFAULT = "zeromq"
-"""What carries the messages if nothing else is said, and nothing faster can be had."""
+"""What carries the messages if no middleware is named and nothing faster is available."""
 
 _AUTO = re.compile(rf"{AUTO}(?:\(\s*(\w+)\s*\))?")
 

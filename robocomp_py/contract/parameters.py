@@ -56,7 +56,7 @@ class Parameter:
         return kind if self.minimum is None else f"{kind}, {self.minimum} to {self.maximum}"
 
     def read(self, text: str) -> Any:
-        """The value that a text without a type means; the text itself, if it means none of this kind."""
+        """Convert a text to the parameter's type; a text that cannot be converted is returned unchanged."""
         try:
             match self.kind:
                 case ParameterKind.INT:
@@ -82,7 +82,7 @@ class ParameterList:
     description: str = field(default="", compare=False)
 
     def count(self, number: int, at: Key) -> list[Complaint]:
-        """What is wrong with that many items."""
+        """What is wrong with this number of items."""
         if number >= self.minimum and (self.maximum is None or number <= self.maximum):
             return []
         upper = "any number" if self.maximum is None else self.maximum
@@ -101,7 +101,7 @@ class ParameterSet:
 
 
 class Parameters:
-    """Base of the generated parameter classes. Making one with values not allowed raises ConfigurationError."""
+    """Base of the generated parameter classes. Invalid values raise ConfigurationError."""
 
     __slots__ = ()
     __spec__: ClassVar[ParameterSet]
@@ -118,9 +118,9 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Complaint:
-    """One thing wrong with a configuration: at which key, in words, and as a code.
+    """One error in a configuration: its key, its message and its code.
 
-    What cannot be wrong in a file has no code.
+    Errors that cannot occur in a file have no code.
     """
 
     key: Key
@@ -143,8 +143,8 @@ def dotted(key: Iterable[str | int]) -> str:
 def check(spec: ParameterSet, given: Mapping[str, Any]) -> tuple[dict[str, Any], list[Complaint]]:
     """The value of every parameter, by name, and what is wrong with those given.
 
-    Values of lists are lists of such dicts. What is wrong has its default, so that all
-    complaints come at once.
+    Values of lists are lists of such dicts. A wrong value is replaced by its default, so that all
+    errors are found at once.
     """
     values: dict[str, Any] = {}
     complaints: list[Complaint] = []
@@ -161,7 +161,7 @@ def build(spec: ParameterSet, values: Mapping[str, Any]) -> Any:
 
 
 def flat(spec: ParameterSet, values: Mapping[str, Any], at: Key = ()) -> Iterator[tuple[Key, Parameter, Any]]:
-    """Every parameter of checked values, those of items, too: its key, what it is, and its value."""
+    """Every parameter of checked values, including those of items: key, parameter and value."""
     for parameter in spec.parameters:
         yield (*at, parameter.name), parameter, values[parameter.name]
     for each in spec.lists:
@@ -172,10 +172,10 @@ def flat(spec: ParameterSet, values: Mapping[str, Any], at: Key = ()) -> Iterato
 def change(
     spec: ParameterSet, values: Mapping[str, Any], texts: Mapping[str, str]
 ) -> tuple[dict[str, Any], list[str], list[Complaint]]:
-    """The values with those of dynamic parameters changed that are given as texts by `motors[0].max_speed`.
+    """The values after a change of dynamic parameters, which are given as texts by key (`motors[0].max_speed`).
 
-    Also the keys whose value is another one now, and what is wrong; then nothing may be used of it. Who gives back
-    what it was told may give back all: values that stay what they are need not be dynamic.
+    Also returns the keys whose values changed, and the errors; if there are any, the values must not be used.
+    The texts may include parameters that are not dynamic if their values stay the same.
     """
     new = _copied(values)
     known = {dotted(key): (key, parameter, value) for key, parameter, value in flat(spec, values)}

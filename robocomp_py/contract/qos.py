@@ -55,7 +55,7 @@ class QoS:
 
     @property
     def reliable(self) -> bool:
-        """Whether nothing may be lost: what all is kept of must not be lost on its way either."""
+        """Whether no message may be lost; `KEEP_ALL` implies it."""
         return self.reliability is Reliability.RELIABLE or self.history is History.KEEP_ALL
 
     @property
@@ -93,9 +93,9 @@ class Shortfall:
 
     policy: str
     asked: str
-    """As a CDSL has it."""
+    """As written in a CDSL file."""
     offered: str
-    """The same; "" if it is nothing at all."""
+    """Likewise; "" if nothing is offered."""
     less: str
     """What the subscriber would have to set in its configuration."""
 
@@ -125,16 +125,16 @@ def shortfalls(asked: QoS, offered: QoS) -> list[Shortfall]:
 
 
 _NEARLY = 1e-9
-"""Seconds by which two times may differ and be the same: what is told of them is told in nanoseconds."""
+"""Times that differ by less, in seconds, are equal: they are announced in nanoseconds."""
 
 
 def duration(seconds: float) -> str:
-    """A time as a CDSL has it."""
+    """A time as written in a CDSL file."""
     return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"
 
 
 def traits(qos: QoS) -> str:
-    """What a publisher tells subscribers of its QoS, as letters and numbers that fit into any name; never empty."""
+    """A QoS as a publisher announces it: letters and digits that fit into any name; never empty."""
     flags = {"r": qos.reliable, "l": qos.latched, "m": qos.liveliness is Liveliness.MANUAL_BY_TOPIC}
     written = "".join(letter for letter, flag in flags.items() if flag)
     for letter, name in _LETTERS.items():
@@ -145,7 +145,7 @@ def traits(qos: QoS) -> str:
 
 
 def from_traits(text: str) -> QoS:
-    """The QoS of which these are the traits; letters of another version mean nothing."""
+    """The QoS with these traits; unknown letters are ignored."""
     values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,18})", text, re.ASCII)}
     times: dict[str, Any] = {name: values[letter] / 1e9 for letter, name in _LETTERS.items() if values.get(letter)}
     return QoS(

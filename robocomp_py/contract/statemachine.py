@@ -1,8 +1,8 @@
 """What a state machine is: states within states, regions that are active together, transitions between any of them.
 
-composite    has states of its own, of which one is active while it is; `initial` is the one that it begins with
-parallel     has states of its own, its regions, of which all are active while it is
-final        ends what it is in; the whole machine, if that is what it is in
+composite    contains states, one of which is active at a time; `initial` is the first
+parallel     contains states, its regions, which are all active together
+final        ends the state that contains it, or the whole machine
 """
 
 from __future__ import annotations
@@ -62,23 +62,23 @@ class StateMachine:
         return _within(self.states)
 
     def methods(self) -> list[str]:
-        """What is called when states are entered, each once."""
+        """The methods that are called when states are entered, without duplicates."""
         return list(dict.fromkeys(state.method for state in self.every_state()))
 
     def triggers(self) -> dict[str, Transition]:
-        """What can be fired, by name. Transitions that differ only in their events share one."""
+        """The triggers of all transitions, by name. Transitions that differ only in their events share one."""
         found: dict[str, Transition] = {}
         for each in self.transitions:
             found.setdefault(each.trigger, each)
         return found
 
     def leaving(self, state: str) -> list[str]:
-        """The names of what fires the transitions out of a state."""
+        """The names of the triggers of the transitions out of a state."""
         return list(dict.fromkeys(each.trigger for each in self.transitions if each.source == state))
 
 
 def label(name: str) -> str:
-    """What a file calls the state of a name."""
+    """The label, in its file, of the state with this name."""
     return name.rpartition(".")[2]
 
 

@@ -54,7 +54,7 @@ class Primitive(StrEnum):
 
     @property
     def zero(self) -> Any:
-        """The value of something not set."""
+        """The value of a field that is not set."""
         return self.python()
 
 
@@ -70,8 +70,8 @@ FLOAT32_MAX = float(np.finfo(np.float32).max)
 DTYPES: dict[Primitive, np.dtype[Any]] = {
     kind: np.dtype(np.dtype(kind.letter).newbyteorder("<").str) for kind in Primitive if kind.in_arrays
 }
-"""The little-endian numpy dtype of each primitive whose sequences are arrays: where that is the byte order of the host,
-the very object that numpy's own arrays have, so that `is` tells most of those that fit."""
+"""The little-endian numpy dtype of each primitive whose sequences are arrays. On a little-endian host it is the same
+object as in numpy's own arrays, so most arrays that fit are found by `is`."""
 
 
 def integer_range(kind: Primitive) -> tuple[int, int]:
@@ -119,7 +119,7 @@ class Struct:
 
 @dataclass(frozen=True)
 class Response(Struct):
-    """The message of what an operation gives back: the returned value first, named `ret`, then the `out` parameters."""
+    """The results of an operation as a message: the returned value first, named `ret`, then the `out` parameters."""
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def children(kind: Type) -> tuple[Type, ...]:
 
 
 def arrays(fields: Iterable[Field]) -> Iterator[tuple[tuple[Field, ...], np.dtype[Any]]]:
-    """The arrays among these fields and in structs under them: by which fields they are reached, and of what."""
+    """The arrays among these fields and in structs below them: the fields that lead to each, and its type."""
     for each in fields:
         match each.type:
             case Struct(fields=inner):

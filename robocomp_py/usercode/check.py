@@ -26,10 +26,10 @@ HOOKS: Mapping[str, tuple[str, ...]] = {
     "paramsChanged": ("changed",),
     **dict.fromkeys(("on_deadline_missed", "on_liveliness_lost"), ("port", "operation", "instance", "total")),
 }
-"""What the framework calls in every component, if it is there, and the values that it passes."""
+"""Optional methods that the framework calls in every component, with their arguments."""
 
 _MACHINE, _COMPONENT = -1, -2
-"""Stand for the state machine, and for the component itself, where others have the number of a port."""
+"""The state machine, and the component itself, where other entries have the number of a port."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def complaints(linked: LinkedComponent, workspace: Workspace, folder: Path | Non
 
 
 def _gone(linked: LinkedComponent, folder: Path, read: Read) -> Iterator[Diagnostic]:
-    """Modules of the generic part that are imported, and that it does not have. None if it is not generated yet."""
+    """Imported modules that the generic part lacks; none if it is not generated yet."""
     generic = folder / "generic"
     if not _is_there(generic / "genericworker.py", read):
         return
@@ -134,7 +134,7 @@ def as_warnings(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def _clauses(model: CdslComponent, component: Component) -> dict[int, tuple[str, Span]]:
-    """The clauses of the model that ask for handlers, by the number of the port, or by what stands for it."""
+    """The clauses of the model that ask for handlers, by the number of the port or by the constants above."""
     found = {
         number: (f"{item.verb} {item.interface}", item.interface.span)
         for number, (item, _) in enumerate(zip(model.ports, component.ports, strict=False))

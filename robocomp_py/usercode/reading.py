@@ -29,13 +29,13 @@ Read = Callable[[Path], bytes]
 Definition = ast.FunctionDef | ast.AsyncFunctionDef
 
 _HARMLESS = {"object", "ABC", "Generic", "Protocol"}
-"""Bases from elsewhere that bring no methods that a generic part would ask for."""
+"""Base classes from elsewhere without methods that a generic part asks for."""
 
 _TRANSPARENT = {"final", "override", "typing.final", "typing.override", "typing_extensions.override"}
 """Decorators that leave a function or a class as it is."""
 
 _OPENING = {"__getattr__", "__getattribute__", "__init_subclass__"}
-"""Methods by which a class may have more than is written in it."""
+"""Methods that can give a class attributes that its text does not show."""
 
 _MOST_FILES = 200
 """Python files of one component that are read."""
@@ -139,7 +139,7 @@ def _at(source: Source, node: ast.alias | ast.stmt) -> Span:
 
 
 def words_of(folder: Path, read: Read) -> set[str] | None:
-    """Every name and text that code of a component mentions; None if that cannot be told.
+    """Every name and text in the code of a component; None if that cannot be read.
 
     The name in a function's definition does not count.
     """
@@ -384,7 +384,7 @@ class _Reader:
                 raise _Open
 
     def _starred(self, name: str, module: _Module, depth: int) -> tuple[ast.ClassDef, _Module] | _Module | str:
-        """What a name means that only `from … import *` can have brought; else it is one of Python's own."""
+        """What a name means that a `from … import *` may have imported; otherwise a builtin of Python."""
         for each in module.names.get("*", ()):
             home = self._files.imported(each.module, each.level, module.path) if isinstance(each, _Import) else None
             if home is None and name == BASE:

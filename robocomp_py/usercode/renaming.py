@@ -1,7 +1,7 @@
 """Renames something of a model in the Python code that uses it. Certain places are changed, others are listed.
 
-    handlers, methods and transitions of states     wherever the name stands: `Vault_size`, `sm_resting`
-    operations of proxies, parameters               behind `self.vault_proxy`, behind `self.params`, and behind names
+    handlers, methods and transitions of states     everywhere: `Vault_size`, `sm_resting`
+    operations of proxies, parameters               after `self.vault_proxy`, after `self.params`, and after names
                                                     that hold nothing else: `vault = self.vault_proxy`
     texts and fakes of tests                        `"Vault.size"`, `vault={"size": …}`
 
@@ -31,12 +31,12 @@ class NotParsed(ValueError):
 
 @dataclass(frozen=True)
 class Names:
-    """What has another name in Python: each old name with its new one."""
+    """The names that change in Python: each old name with its new one."""
 
     words: dict[str, str] = field(default_factory=dict)
     """Names that mean the same everywhere."""
     members: dict[str, dict[str, str]] = field(default_factory=dict)
-    """By the attribute behind which they stand, a proxy's or `params`."""
+    """By the attribute before them, a proxy's or `params`."""
     texts: dict[str, str] = field(default_factory=dict)
     ports: dict[str, str] = field(default_factory=dict)
     keys: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Rewritten:
 
 
 def differences(before: Component, after: Component) -> Names:
-    """The names in Python that two states of one component differ in."""
+    """The names in Python that differ between two versions of one component."""
     found = Names()
     for old, new in zip(before.ports, after.ports, strict=True):
         _of_port(old, new, found)
@@ -130,7 +130,7 @@ def rewrite(data: bytes, names: Names) -> Rewritten:
 
 
 def words_in(data: bytes, words: Sequence[str]) -> list[str]:
-    """Which of some names a file has already, as names."""
+    """Which of these names a file already uses."""
     try:
         module = cst.parse_module(data)
     except (cst.ParserSyntaxError, UnicodeDecodeError, RecursionError):
@@ -149,7 +149,7 @@ class _Words(cst.CSTVisitor):
 
 
 class _Holders(cst.CSTVisitor):
-    """Looks for what holds proxies: names and attributes to which nothing else is ever given."""
+    """Finds names and attributes that only ever hold a proxy."""
 
     def __init__(self, names: Names) -> None:
         self._names = names

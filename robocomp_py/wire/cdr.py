@@ -1,7 +1,7 @@
 """Codec `cdr`: XCDR1, little-endian, final types (OMG DDS-XTypes 1.3, 7.4.3; what ROS 2 and Fast DDS speak).
 
-    payload     00 01 00 00, then the fields; primitives are aligned to their size (at most 8), counted behind
-                those four octets
+    payload     00 01 00 00, then the fields; primitives are aligned to their size (at most 8), counted from
+                after these four octets
     string      uint32 length with the NUL, UTF-8, NUL
     sequence    uint32 count, items; those of records, too
     dictionary  a sequence of entries {key, value}
@@ -40,7 +40,7 @@ from .values import as_array, as_dict, as_list, as_str, view_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 TAIL = bytes(4)
-"""What follows a payload that has room for a header: the count of an empty sequence."""
+"""Follows a payload with room for a header: the count of an empty sequence."""
 
 _ORIGIN = len(ENCAPSULATION)
 """From where alignment counts in a payload, modulo 8."""
@@ -55,12 +55,12 @@ class Cdr:
     """The binary format of DDS; on Zenoh and shared memory and in recordings, too.
 
     Received arrays are views of the payload. Those of 8-byte numbers are aligned in memory only if
-    the payload begins 4 octets before a multiple of 8, which a transport with buffers of its own
-    should see to; numpy copes with others, but some of it (matrix products) is slow with them.
+    the payload begins 4 octets before a multiple of 8. A transport with its own buffers should ensure that:
+    numpy accepts unaligned arrays, but some operations (matrix products) are slow with them.
 
-    With `room`, a multiple of 8, so many octets of a payload lie free between encapsulation and
-    fields, for the header of a transport that sends both as one sample. Payloads are then bytearrays,
-    padded to a multiple of four and followed by `TAIL`, which the transport may use or leave out.
+    `room`, a multiple of 8, leaves this number of octets free between encapsulation and fields, for the
+    header of a transport that sends both as one sample. Payloads are then bytearrays, padded to a multiple
+    of four and followed by `TAIL`, which the transport may use or omit.
     """
 
     name = "cdr"
@@ -118,7 +118,7 @@ class _EncodeProgram(Writing):
         super().__init__(message)
         self._room = room
         self._begun = False
-        """Whether anything has been written. What comes first is packed with the encapsulation, in one piece."""
+        """Whether anything has been written. The first run is packed together with the encapsulation."""
 
     def compile(self, *, join: bool = True) -> Encoder:
         p = self._program
@@ -212,7 +212,7 @@ class _EncodeProgram(Writing):
         if len(kinds) != 1 or not kinds <= NUMBERS:
             self._loop(f"{each} in {items}", (item, each))
             return
-        # All numbers of one kind: no padding inside, so one call packs them all, and column by column is quickest.
+        # All numbers have one type, so there is no padding: one call packs them, and by column is fastest.
         letter, width = _letters(leaves[0]), len(leaves)
         with p.block(f"if {items}"):
             if struct.calcsize("<" + letter) > 4:

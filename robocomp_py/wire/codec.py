@@ -1,8 +1,8 @@
 """What a codec is.
 
-A codec compiles, once per message type, a function that encodes and one that decodes; at run time
-nothing looks at types any more. A message's Python form is the tuple of its fields. A payload is a
-snapshot, unless asked otherwise: what happens to the values after they were encoded does not show in it.
+For each message type, a codec compiles one function that encodes and one that decodes; at run time
+no code inspects types. A message's Python form is the tuple of its fields. A payload is a snapshot
+unless asked otherwise: later changes to the encoded values do not affect it.
 
 Messages are structs like others. A codec whose format has its own form of an operation's results or of
 an exception knows them by their classes, `Response` and `Thrown`; the values are the same.
@@ -19,7 +19,7 @@ from .explain import explain
 from .items import TooManyItems
 
 Payload = Any
-"""What a codec makes of a message: buffers on every wire, the value itself in-process."""
+"""An encoded message: buffers on every wire, the value itself in-process."""
 
 Encoder = Callable[[tuple[Any, ...]], Payload]
 Decoder = Callable[[Payload], tuple[Any, ...]]
@@ -39,13 +39,13 @@ class Codec(Protocol):
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         """A function from the message's fields to a payload. It raises EncodeError, naming the field.
 
-        Without `snapshot`, a payload may share memory with large arrays among the values: for what
-        is sent before they can change.
+        Without `snapshot`, a payload may share memory with large arrays among the values; it must be sent
+        before they change.
         """
         ...
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        """A function from a payload to the message's fields. It raises DecodeError, whatever is wrong.
+        """A function from a payload to the message's fields. Any failure raises DecodeError.
 
         With `prefix`, whatever follows the last field is ignored.
         """
@@ -57,18 +57,18 @@ class Codec(Protocol):
 
 
 def refused(message: Struct, values: Any, exc: Exception) -> EncodeError:
-    """Which field holds what instead of what; found by looking again, slowly."""
+    """An error that names the wrong field; found by checking all fields again, slowly."""
     if isinstance(exc, TooManyItems):
         return EncodeError(f"{message.name}: {exc}")
     return EncodeError(explain(message, values) or f"{message.name}: {exc}")
 
 
 def unreadable(message: Struct, exc: Exception) -> DecodeError:
-    """What hostile bytes led to: anything, but callers get one kind."""
+    """A DecodeError for any exception that received bytes caused."""
     return DecodeError(f"not a {message.name}: {type(exc).__name__}: {exc}")
 
 
 def check_size(size: int) -> None:
-    """Whether a message may have so many bytes."""
+    """Raise ValueError if a message has too many bytes."""
     if size > MAX_BYTES:
         raise ValueError(f"{size} bytes; a message may have {MAX_BYTES}")

@@ -1,4 +1,4 @@
-"""Which field of a message holds what instead of what, in words."""
+"""Explains why values do not fit a message: which field has the wrong value, and what it needs."""
 
 from __future__ import annotations
 

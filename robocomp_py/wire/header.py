@@ -9,8 +9,8 @@ link's messages from 1 without gaps; `server` is random per process start. `rema
 what is left of the caller's deadline when it sends; `stamp` is nanoseconds since the Unix epoch.
 
 A request to a server that announced the `clock` of the same host has the flag `SENT`, and says when it was sent:
-milliseconds of that clock, without their highest bits. For such a request, what is read as `remaining_ms` is what
-is left when it is read: one that lay in a queue while its server was stopped is not taken for a new one.
+milliseconds of that clock, without their highest bits. The reader subtracts the time since then from `remaining_ms`,
+so a request that waited in a queue while its server was stopped does not count as new.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NO_DEADLINE = 0xFFFFFFFF
 class Flag:
     """`ONEWAY`: no reply is wanted. `IDEMPOTENT`: executing it twice does no harm. `SENT`: see above.
 
-    Plain numbers: calculating with an enumeration takes as long as all the rest that is done with a header.
+    Plain integers: an enumeration would double the time that a header takes.
     """
 
     NONE = 0
@@ -87,7 +87,7 @@ def pack_request(flags: int, fingerprint: int, client: int, sequence: int, remai
 
 
 def client_of(request: bytes) -> int:
-    """The client of a request, without a check that it is one; any number if it is not."""
+    """The client in the header of a request, which is not checked."""
     return int.from_bytes(request[10:18], "little")
 
 
@@ -100,7 +100,7 @@ def pack_publication(fingerprint: int, source: int, sequence: int, stamp: int) -
 
 
 def publications_of(begin: bytes, fingerprint: int, source: int) -> Callable[[int, int], bytes]:
-    """What packs the header of such a publication behind `begin`, by its sequence and its stamp, with one call."""
+    """A function from sequence and stamp to `begin` and the header of such a publication, by one `struct` call."""
     return partial(struct.Struct(f"<{len(begin)}sBQQQq").pack, begin, VERSION, fingerprint, source)
 
 
@@ -126,9 +126,9 @@ def read_publication(data: bytes) -> Publication:
 
 
 publication_fields: Callable[[bytes], tuple[int, int, int, int, int]] = _PUBLICATION.unpack
-"""What `read_publication` reads, without a look at the version, and with struct's error for a wrong length:
+"""Like `read_publication`, but does not check the version and raises struct's error for a wrong length.
 
-for where messages come by the ten thousand."""
+For links with tens of thousands of messages per second."""
 
 publication_fields_at: Callable[[bytes, int], tuple[int, int, int, int, int]] = _PUBLICATION.unpack_from
 """The same at an offset, where more may follow."""
@@ -172,12 +172,12 @@ def publication_at(data: bytes, at: int) -> Publication:
 
 
 _new: Any = tuple.__new__
-"""Makes a named tuple of what was unpacked, in half the time that its own constructor takes."""
+"""Makes a named tuple of unpacked values in half the time of its constructor."""
 
 
 @cache
 def clock() -> str:
-    """Which clock this host has, as a trait that servers announce: `t`, and a number made when the host was started."""
+    """This host's clock, as a trait that servers announce: `t` and a number that changes at each boot."""
     try:
         return f"t{int(Path('/proc/sys/kernel/random/boot_id').read_text()[:8], 16)}"
     except (OSError, ValueError):

@@ -60,7 +60,7 @@ _SIZES = tuple(bytes([size]) for size in range(_LONG))
 _LONG_SIZE, _INT32 = struct.Struct("<Bi"), struct.Struct("<i")
 
 _WRITTEN = {kind: kind.letter for kind in Primitive} | {BOOL: "B", UINT16: "Hxx", UINT32: "Ixxxx"}
-"""How `struct` packs each: what Slice has only wider, too, so that it sees what does not fit."""
+"""How `struct` packs each type. Unsigned numbers get padding to Slice's wider type, so `struct` checks their range."""
 
 _READ = {**_WRITTEN, UINT16: "I", UINT32: "Q"}
 _WIDER: dict[np.dtype[Any], np.dtype[Any]] = {np.dtype("<u2"): np.dtype("<i4"), np.dtype("<u4"): np.dtype("<i8")}
@@ -102,7 +102,7 @@ def _leaves(kind: Type) -> list[Leaf] | None:
 
 
 def _is_octet(kind: Type) -> bool:
-    """Of enumerations, whether all members are written as one octet."""
+    """Whether a type is an enumeration whose members all take one octet."""
     return not isinstance(kind, Enumeration) or all(0 <= number < _LONG for _, number in kind.members)
 
 
@@ -117,7 +117,7 @@ class _EncodeProgram(Writing):
         super().__init__(message)
         self._run(_HEAD, "n", str(_ENCODING))
         self._first = ""
-        """What packs the first run, which is done last: the size of all stands in it."""
+        """Packs the first run; called last, because the run holds the size of the whole message."""
 
     def compile(self) -> Encoder:
         p = self._program
@@ -258,7 +258,7 @@ def _number(number: int) -> bytes:
 class _DecodeProgram(Reading):
     """Writes `decode(payload) -> values`.
 
-    Reading texts beyond its end gives shorter ones: whether `n` is within is seen when numbers are read, and last.
+    A text that reaches beyond the payload is read shorter: `n` is checked when numbers are read, and at the end.
     """
 
     def __init__(self, message: Struct) -> None:
@@ -279,7 +279,7 @@ class _DecodeProgram(Reading):
         return p.compile("decode")
 
     def part(self) -> Callable[[Any, int, Left], tuple[tuple[Any, ...], int]]:
-        """A function that reads the fields somewhere in a payload, and tells where they end."""
+        """A function that reads the fields at an offset in a payload; it returns also where they end."""
         p = self._program
         self._begun, self._letters, self._names = True, "", []
         with p.block("def read(data, n, left)"):
@@ -392,7 +392,7 @@ def _long_size(data: Any, n: int) -> tuple[int, int]:
 
 
 def _copied(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray[Any, Any]:
-    """A copy: numpy takes twice as long for whatever is done with an array that is not aligned."""
+    """A copy, because numpy needs twice the time for an unaligned array."""
     if not count:
         return view_of(b"", dtype, 0, 0)
     end = n + count * dtype.itemsize
@@ -402,7 +402,7 @@ def _copied(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray[A
 
 
 def _narrowed(data: Any, dtype: np.dtype[Any], count: int, n: int) -> np.ndarray[Any, Any]:
-    """An array of what Slice has only wider."""
+    """An array of an unsigned type, which Slice carries as a wider type."""
     array = view_of(data, _WIDER[dtype], count, n)
     limit = np.iinfo(dtype).max
     if count and (array.min() < 0 or array.max() > limit):
@@ -430,18 +430,18 @@ def _end_of_rows(layout: struct.Struct, data: Any, n: int, count: int, left: Lef
     return end
 
 
-# An exception has a slice for each class. A client can skip the slice of a class that it does not know if the slice has
-# a size. So exceptions with a base use Ice's sliced format; others use the compact format, as Ice itself does.
+# An exception has a slice for each class. A client can skip the slice of an unknown class only if the slice has a size.
+# So exceptions with a base use Ice's sliced format; others use the compact format, as Ice itself does.
 
 _ENCAPSULATION = struct.Struct("<" + _HEAD)
 _HAS_OPTIONALS, _HAS_REFERENCES, _HAS_SIZE, _IS_LAST = 0x04, 0x08, 0x10, 0x20
 
 _MAX_SLICES = 128
-"""More than languages allow an exception to have bases."""
+"""More bases than the languages allow an exception."""
 
 
 def _thrower(message: Thrown, kind: ExceptionType) -> Encoder:
-    """What writes an exception from its lineage, which its slices tell, and its fields."""
+    """A function that writes an exception from its lineage, one slice for each class, and its fields."""
     writers = [_slice_writer(each, sliced=kind.base is not None) for each in _with_bases(kind)]
 
     def encode(values: tuple[Any, ...]) -> bytes:
@@ -459,7 +459,7 @@ def _thrower(message: Thrown, kind: ExceptionType) -> Encoder:
 
 
 def _slice_writer(kind: ExceptionType, *, sliced: bool) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """What writes the slice of a class, in pieces, from the fields of all."""
+    """A function that writes the slice of one class, in pieces, from the fields of all classes."""
     type_id = f"::{kind.name}".encode()
     flags = (_HAS_SIZE if sliced else 0) | (0 if kind.base else _IS_LAST)
     head = bytes([flags]) + _number(len(type_id)) + type_id
@@ -481,7 +481,7 @@ def _with_bases(kind: ExceptionType) -> Iterator[ExceptionType]:
 
 @dataclass(frozen=True)
 class _Slice:
-    """A slice, the place of its fields, and that of what follows it, if it says so."""
+    """A slice: its name, where its fields begin and, if it has a size, where the next slice begins."""
 
     place: int
     flags: int
@@ -491,7 +491,7 @@ class _Slice:
 
 
 def _lineage(payload: Payload) -> tuple[Any, ...]:
-    """The names of an exception's classes, as far as a receiver that does not know them can read them."""
+    """The names of an exception's classes, up to the first slice without a size."""
     try:
         return (LINEAGE.join(each.name for each in _slices(_opened(payload))),)
     except Exception as exc:
@@ -499,7 +499,7 @@ def _lineage(payload: Payload) -> tuple[Any, ...]:
 
 
 def _catcher(message: Thrown, kind: ExceptionType, *, prefix: bool) -> Decoder:
-    """What reads the fields of an exception of that kind, or of one derived from it."""
+    """A function that reads the fields of an exception of this kind, or of one derived from it."""
     parts = [(each.name, _DecodeProgram(Struct(each.name, each.fields)).part()) for each in _with_bases(kind)]
 
     def decode(payload: Payload) -> tuple[Any, ...]:
@@ -533,7 +533,7 @@ def _opened(payload: Payload) -> Any:
 
 
 def _slices(data: Any) -> list[_Slice]:
-    """The slices, up to the first that does not say how long it is."""
+    """The slices, up to the first without a size."""
     found = [_slice_at(data, _ENCAPSULATION.size)]
     while (end := found[-1].end) is not None and not found[-1].flags & _IS_LAST:
         found.append(_slice_at(data, end))
@@ -566,7 +566,7 @@ def _slice_at(data: Any, place: int) -> _Slice:
 
 
 def _end_of(part: _Slice, n: int) -> int:
-    """Where a slice ends whose fields were read up to there."""
+    """Where a slice ends, if its fields end at `n`."""
     if part.end is None:
         if part.flags & _HAS_OPTIONALS:
             raise ValueError(f"{part.name} has optional members")

@@ -19,7 +19,7 @@ from .values import snapshot
 
 
 class Identity:
-    """No bytes, but the same checks of every value as on a wire; only the size of texts is not limited."""
+    """Makes no bytes, but checks every value as on a wire; only the size of texts is not limited."""
 
     name = "identity"
 

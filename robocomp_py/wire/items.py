@@ -1,7 +1,7 @@
-"""How many items a message may have, so that a few octets never become gigabytes of Python objects.
+"""Limits the items of a message, so that a few octets cannot become gigabytes of Python objects.
 
-An item is an element of a sequence or an entry of a dictionary. Numbers in arrays are none: an array is one object
-however many it has. A received item takes up to 300 octets and a microsecond, though its sender may need one octet.
+An item is an element of a sequence or an entry of a dictionary. Numbers in arrays do not count, because an array is
+one object. A received item takes up to 300 octets and a microsecond, but its sender may need only one octet.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MAX_ITEMS = 1024 * 1024
 """A message with more items is refused by both sides."""
 
 Left = list[int]
-"""In its only element: how many more items a message may have."""
+"""Its only element is the number of items that a message may still have."""
 
 Count = Callable[[Any], int]
 
@@ -26,14 +26,14 @@ class TooManyItems(ValueError):
 
 
 def take_items(left: Left, count: int) -> None:
-    """Take this number from what is left. Raises TooManyItems if fewer are left."""
+    """Subtract this number from the items that are left. Raises TooManyItems if fewer are left."""
     left[0] -= count
     if left[0] < 0:
         raise TooManyItems(f"a message may have {MAX_ITEMS} items in its sequences and dictionaries")
 
 
 def check_items(message: Struct, values: tuple[Any, ...]) -> None:
-    """Whether a message may have as many items as these values, which fit its type."""
+    """Raise TooManyItems if these values, which fit the message's type, have too many."""
     counts = [counter(field.type) for field in message.fields]
     take_items([MAX_ITEMS], sum(count(value) for count, value in zip(counts, values, strict=True) if count))
 

@@ -1,8 +1,8 @@
-"""Where the fields of records lie in the payloads of CDR and of Ice, as numpy says it.
+"""Where the fields of records lie in CDR and Ice payloads, as numpy dtypes.
 
-In CDR, alignment counts from the beginning of the message. So from the second record on, all have the same layout; the
-first may have less padding. In nearly all structs it has not, and then an array of records is a view of the payload.
-What has another layout is copied field by field.
+In CDR, alignment counts from the beginning of the message. So all records from the second on have the same layout; the
+first may have less padding. In nearly all structs it has not, and an array of records is then a view of the payload.
+Records of other layouts are copied field by field.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _Array = np.ndarray[Any, np.dtype[Any]]
 
 
 class CdrRecords:
-    """Records of a flat struct in CDR. What is aligned is aligned from `origin`, modulo 8."""
+    """Records of a flat struct in CDR. Alignment counts from `origin`, modulo 8."""
 
     def __init__(self, kind: Struct, origin: int = 0) -> None:
         self._records = records(kind)
@@ -29,7 +29,7 @@ class CdrRecords:
         self._layouts = [_layout(self._records.dtype, start) for start in range(8)]
 
     def write(self, array: _Array, n: int, add: Callable[[Any], object]) -> int:
-        """Add what a message has for an array of records behind its count, which ends at `n`; return where it ends."""
+        """Add the bytes of an array of records, whose count ends at `n`; return where they end."""
         count = array.size
         if not count:
             return n
@@ -47,7 +47,7 @@ class CdrRecords:
         return n + octets.nbytes
 
     def read(self, data: Any, n: int, count: int) -> tuple[_Array, int]:
-        """The records behind a count, read-only, and where they end. Raises ValueError if there are not so many."""
+        """The records after a count, read-only, and where they end. Raises ValueError if the payload is too short."""
         dtype = self._records.dtype
         if not count:
             return read_only(np.empty(0, dtype)), n
@@ -65,12 +65,12 @@ class CdrRecords:
 
 
 class _Layout(NamedTuple):
-    """Where records lie that begin at some offset."""
+    """The layout of records that begin at some offset."""
 
     first: np.dtype[np.void]
     begin: int
     end: int
-    """Where the first begins, behind its padding, and where it ends."""
+    """Where the first begins, after its padding, and where it ends."""
     others: np.dtype[np.void]
     gap: int
     """The padding in front of each of the others."""
@@ -84,7 +84,7 @@ class _Layout(NamedTuple):
         return self.end + (count - 1) * self.stride
 
     def parts(self, data: Any, n: int, count: int) -> Iterator[tuple[_Array, slice]]:
-        """Views of the records in octets that begin there: of all, or of the first and of the others."""
+        """Views of the records: one of all, or one of the first and one of the others."""
         together = count if self.is_regular else 1
         yield np.ndarray((together,), self.first, data, n + self.begin, (self.stride,)), slice(together)
         if together < count:
@@ -104,7 +104,7 @@ def _layout(dtype: np.dtype[np.void], start: int) -> _Layout:
 
 
 def _one(dtype: np.dtype[np.void], start: int) -> tuple[np.dtype[np.void], int, int]:
-    """A record that begins there: its layout, where its first field begins, and where it ends."""
+    """The layout of a record that begins at `start`, where its first field begins, and where it ends."""
     offsets, at = [], start
     formats = [dtype[name] for name in dtype.names or ()]
     for each in formats:
@@ -130,7 +130,7 @@ def _joined(dtype: np.dtype[np.void], parts: list[tuple[_Array, slice]], count: 
 
 
 class IceRecords:
-    """Records of a flat struct in Ice, where there is no padding, but numbers that Slice has only wider."""
+    """Records of a flat struct in Ice, which has no padding, but carries unsigned numbers as wider types."""
 
     def __init__(self, kind: Struct) -> None:
         self._records: Records = records(kind)
@@ -139,7 +139,7 @@ class IceRecords:
         self._is_same = self.dtype == self._records.dtype
 
     def octets(self, array: _Array) -> _Array:
-        """What a message has for an array of records."""
+        """The bytes of an array of records."""
         if not self._is_same:
             wider = np.empty(array.size, self.dtype)
             for name in self.dtype.names or ():
@@ -148,7 +148,7 @@ class IceRecords:
         return array.view(np.uint8)
 
     def read(self, data: Any, n: int, count: int) -> tuple[_Array, int]:
-        """The records behind a size, read-only, and where they end. Raises ValueError if there are not so many."""
+        """The records after a size, read-only, and where they end. Raises ValueError if the payload is too short."""
         end = n + count * self.dtype.itemsize
         if end > len(data):
             raise ValueError(f"{count} records exceed the payload")

@@ -5,11 +5,11 @@ A payload is a list of buffers: the packed message (see `packing`), then the arr
     sequence of bytes         bin
     other arrays              ext 1: one letter for the dtype, then the little-endian data
     arrays of 64 KiB or more  ext 2: the letter, then uint32 the index of the buffer (from 1) with the data
-    records                   like a sequence of bytes: packed, one behind the other, each with its fields in order,
-                              little-endian, without padding; bool one byte, enumerator int32
+    records                   like a sequence of bytes: consecutive, each with its fields in order, little-endian,
+                              without padding; bool one byte, enumerator int32
 
-The letters are those of Python's `struct`: ? b B h H i I q Q f d. Instead of any of these, an
-array of plain MessagePack numbers is accepted, except for records.
+The letters are those of Python's `struct`: ? b B h H i I q Q f d. For every array except records, a
+list of plain MessagePack numbers is accepted too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .values import as_array, read_only, view_of
 from .values import snapshot as frozen
 
 APART = 64 * 1024
-"""Arrays of so many bytes travel in a buffer of their own."""
+"""Arrays of at least this number of bytes travel in their own buffer."""
 
 INLINE_EXT, APART_EXT = 1, 2
 _LETTERS = {dtype: kind.letter for kind, dtype in DTYPES.items()}
@@ -47,7 +47,7 @@ _HEADS = {
     tag: (head.unpack_from, head.size)
     for tag, head in ((0xC4, _BIN8), (0xC5, _BIN16), (0xC7, _EXT8), (0xC8, _EXT16), (0xC9, _EXT32))
 }
-"""How arrays begin, by the first octet: bin 8 and 16, and ext 8, 16 and 32 with the letter."""
+"""The heads of arrays by their first octet: bin 8 and 16, and ext 8, 16 and 32 with the letter."""
 _OCTET = ord("B")
 _OCTETS = np.dtype(np.uint8)
 
@@ -82,7 +82,7 @@ class MessagePack:
 
 
 def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
-    """What packs arrays of this dtype; of large ones, what `keep` makes of them is sent."""
+    """A function that packs arrays of this dtype; of a large array, `keep(array)` is sent in a separate buffer."""
     if dtype.names:
         return _record_packer(keep)
     octets, letter = dtype == _OCTETS, ord(_LETTERS[dtype])
@@ -110,7 +110,7 @@ def _array_packer(dtype: np.dtype[Any], keep: Callable[[Any, np.dtype[Any]], np.
 
 
 def _record_packer(keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -> PackArray:
-    """What packs records as octets."""
+    """A function that packs records as octets."""
     pack_octets = _array_packer(_OCTETS, keep)
 
     def pack(array: Any, add: Callable[[Any], object], frames: Frames) -> None:
@@ -120,7 +120,7 @@ def _record_packer(keep: Callable[[Any, np.dtype[Any]], np.ndarray[Any, Any]]) -
 
 
 def _array_reader(dtype: np.dtype[Any]) -> ReadArray:
-    """What reads such arrays; it raises something if there is another one, or none, or one that others packed."""
+    """A function that reads such arrays. Any other content, or another way of packing, raises an exception."""
     if dtype.names:
         return _record_reader(dtype)
     octets, letter, item = dtype == _OCTETS, ord(_LETTERS[dtype]), dtype.itemsize

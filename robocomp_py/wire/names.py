@@ -2,9 +2,9 @@
 
     <namespace>/<instance>/<Interface>/<operation>      robot1/world/Laser/getLaserData
 
-The namespace may be empty or have several segments. The channel has the
-instance that provides the operation. A client without a configured instance writes `*`: it uses any
-other instance of its namespace, and a subscriber hears all of them.
+The namespace may be empty or have several segments. The instance is the one that provides the
+operation. A client without a configured instance writes `*`: it uses any other instance of its
+namespace. A subscriber that writes `*` receives from all of them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def channel(namespace: str, instance: str, interface: str, operation: str) -> st
 def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]:
     """The instance that the `from` of a port means, as (namespace, instance, interface).
 
-    `world` is an instance of the own namespace, `world/Laser1` one of its ports,
-    `/robot2/world/Laser` names everything. "" is any instance.
+    `world` is an instance of the same namespace, `world/Laser1` one of its ports, and
+    `/robot2/world/Laser` is a full name. "" is any instance.
     """
     if not target:
         return namespace, ANY, interface
@@ -47,12 +47,12 @@ def target(namespace: str, instance: str, segment: str, own: str, interface: str
 
 
 def instance(channel: str) -> str:
-    """Whose a channel is."""
+    """The instance that provides a channel."""
     return channel.split("/")[-3]
 
 
 def segment(channel: str) -> str:
-    """What a channel calls its interface: `Laser`, `Laser1`."""
+    """The interface in the name of a channel: `Laser`, `Laser1`."""
     return channel.split("/")[-2]
 
 
@@ -61,7 +61,7 @@ def operation(channel: str) -> str:
 
 
 def is_segment(text: str) -> bool:
-    """Whether a name may stand between the slashes of a channel."""
+    """Whether a name may be a part of a channel's name."""
     return bool(_SEGMENT.match(text))
 
 
@@ -70,7 +70,7 @@ def is_namespace(text: str) -> bool:
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Whether a channel is meant by a name that may have `*` for its instance."""
+    """Whether a channel has this name, which may have `*` for the instance."""
     if ANY not in pattern:
         return pattern == name
     wanted, given = pattern.split("/"), name.split("/")

@@ -1,12 +1,12 @@
-"""MessagePack written and read by compiled code: numbers in their type's own width, so that it is known where they lie.
+"""MessagePack written and read by compiled code. Numbers have the width of their type, so their offsets are known.
 
     bool false, true · ints int 8 … uint 64 · float 32, float 64 · enumerator int 32 · time int 64
     string str · struct array of its fields · sequence array, or what `messagepack` makes of numbers
     dictionary map
 
-So runs of numbers are packed by one `struct` call, lists of structs of numbers by the column. What is read
-back like that must be exactly what is written here; whatever else MessagePack allows is left to the
-library, and so is what a loop in Python would pack or read more slowly, such as lists of texts.
+So runs of numbers are packed by one `struct` call, and lists of structs of numbers by the column. This code
+reads only what it writes itself. The library reads all other forms of MessagePack, and everything for
+which a Python loop is slower, such as lists of texts.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     import numpy as np
 
 PackArray = Callable[[Any, Callable[[Any], object], Frames], None]
-"""Adds what a message has for an array, by the second; buffers of their own to the third."""
+"""Packs an array (the first argument) by calling the second; separate buffers are appended to the third."""
 
 ReadArray = Callable[[Any, int, Frames], "tuple[np.ndarray[Any, Any], int]"]
-"""The array that begins there in a message, and where it ends."""
+"""Reads the array at an offset of a message; returns it and where it ends."""
 
 _TAGS = {
     "b": 0xD0, "B": 0xCC, "h": 0xD1, "H": 0xCD, "i": 0xD2, "I": 0xCE, "q": 0xD3, "Q": 0xCF, "f": 0xCA, "d": 0xCB,
@@ -76,15 +76,15 @@ def compile_writer(message: Struct, array: Callable[[np.dtype[Any]], PackArray])
 
 
 def compile_reader(message: Struct, array: Callable[[np.dtype[Any]], ReadArray], otherwise: Decoder) -> Decoder | None:
-    """A decoder of what `compile_writer` makes; for what is packed in another way, or is wrong, it calls `otherwise`.
+    """A decoder for messages of `compile_writer`; for any other message it calls `otherwise`.
 
-    None if the library is as quick with such messages.
+    None if the library is as fast for this type.
     """
     return _Reader(message, array).compile(otherwise) if _suits(message) else None
 
 
 def check_tree(payload: Frames) -> None:
-    """Whether a message may be as large as this payload."""
+    """Raise an error if a payload is too large."""
     if len(payload[0]) > MAX_TREE:
         raise ValueError(f"{len(payload[0])} bytes besides large arrays; a message may have {MAX_TREE}")
     if len(payload) > 1:
@@ -92,7 +92,7 @@ def check_tree(payload: Frames) -> None:
 
 
 def _suits(kind: Type) -> bool:
-    """Whether a message is read here at least as quickly as by the library: that gains by texts, this by arrays."""
+    """Whether this code reads a message at least as fast as the library, which is faster for texts, not for arrays."""
     found = list(islice(_read_here(kind), _MOST))
     return len(found) < _MOST and all(found) and found.count(STRING) <= len(found) / 2
 
@@ -102,7 +102,7 @@ _MOST = 64
 
 
 def _read_here(kind: Type) -> Iterator[Type | None]:
-    """What of varying size a message has to be read; None for what the library reads better."""
+    """The parts of varying size in a message; None if it has a part that the library reads faster."""
     match kind:
         case Struct(fields=fields):
             for field in fields:
@@ -118,7 +118,7 @@ def _read_here(kind: Type) -> Iterator[Type | None]:
 
 
 def _is_for_library(kind: Type) -> bool:
-    """Whether the library packs such values more quickly than a loop in Python: neither arrays nor rows."""
+    """Whether the library packs such values faster than a Python loop: they are neither arrays nor rows."""
     is_rows = isinstance(kind, Sequence) and isinstance(kind.item, Struct) and is_fixed(kind.item)
     return is_loop(kind) and not is_rows and not _has_arrays(kind, set())
 
@@ -139,7 +139,7 @@ def _struct_head(count: int) -> tuple[str, tuple[int, ...]]:
 
 
 class _Writer:
-    """Writes `encode(values) -> payload`. In it, `add` appends octets and `frames` are buffers of their own."""
+    """Writes `encode(values) -> payload`. In it, `add` appends octets and `frames` are separate buffers."""
 
     def __init__(self, message: Struct, array: Callable[[np.dtype[Any]], PackArray]) -> None:
         self._message = message
@@ -193,7 +193,7 @@ class _Writer:
                 self._value(field.type, variable)
 
     def _by_library(self, parts: list[tuple[Field, str]]) -> None:
-        """Emit what packs these at one go: as an array without its head."""
+        """Emit one call that packs these as an array without its head."""
         self._end_run()
         p = self._program
         plant = compile_planter(Struct(self._message.name, tuple(field for field, _ in parts)), _no_array)
@@ -278,7 +278,7 @@ class _Writer:
         self._program.line(f"{self._program.function_for(kind)}({x}, add, frames)")
 
     def _rows(self, item: Struct, items: str) -> None:
-        """Emit what packs structs of fixed size: each by one call, or many, if of numbers, by the column."""
+        """Emit code for structs of fixed size: one call for each, or by the column for many structs of numbers."""
         p = self._program
         each = p.fresh()
         if not _only_numbers(item):
@@ -330,7 +330,7 @@ class _Writer:
 
 
 def _around(letter: str, value: str) -> tuple[str, bytes]:
-    """How an item of a run looks in a layout of nothing but numbers, and what is written there."""
+    """The letters of a run's item in a layout of numbers only, and the values written there."""
     if not value.isdecimal():
         return letter, bytes(struct.calcsize(">" + letter))
     octets = struct.pack(">" + letter, int(value))
@@ -348,9 +348,9 @@ def _only_numbers(kind: Struct) -> bool:
 
 
 class _Inline:
-    """Which structs are treated where they stand: those of a message itself, each once, so that it stays short.
+    """Decides which structs are compiled inline: each struct of the message itself, once, to keep the code short.
 
-    The others are treated by functions, and so are those in loops, which must not nest.
+    The others get functions, and so do structs in loops, because loops must not nest.
     """
 
     def __init__(self) -> None:
@@ -421,7 +421,7 @@ class _Reader:
         return values
 
     def _listed(self, fields: tuple[Field, ...]) -> str:
-        """Emit what reads these; return expressions for them, each with a comma, valid once the run has ended."""
+        """Emit code that reads these; return expressions for them, each with a comma, valid after the run."""
         self._expect(*_struct_head(len(fields)))
         return "".join([f"{self._value(field.type)}, " for field in fields])
 
@@ -435,7 +435,7 @@ class _Reader:
         return name
 
     def _end_run(self, *, whole: bool = False) -> None:
-        """Emit what reads the run so far; `whole` if there is nothing else in a message."""
+        """Emit code that reads the run so far; `whole` if the message has nothing else."""
         if not self._letters:
             return
         p = self._program
@@ -451,7 +451,7 @@ class _Reader:
         self._letters, self._names, self._expected = "", [], []
 
     def _value(self, kind: Type) -> str:
-        """Emit what reads a value; return an expression for it, valid once the run has ended."""
+        """Emit code that reads a value; return an expression for it, valid after the run."""
         p = self._program
         if is_fixed(kind):
             return self._fixed(kind)
@@ -474,7 +474,7 @@ class _Reader:
         return result
 
     def _rows(self, item: Struct, result: str) -> None:
-        """Emit what reads structs of fixed size."""
+        """Emit code that reads structs of fixed size."""
         p = self._program
         values = [self._fixed(field.type) for field in item.fields]
         layout, marks = self._row(len(item.fields))
@@ -485,7 +485,7 @@ class _Reader:
         p.make_each(item, result, names, values, p.name(_rows) + arguments, p.name(_columns) + arguments)
 
     def _row(self, fields: int) -> tuple[struct.Struct, tuple[tuple[int, bytes], ...]]:
-        """The run so far, in an array of so many fields: its layout, and which octets have to be where."""
+        """The run so far, in an array of this number of fields: its layout, and the fixed octets in it."""
         letters, numbers = _struct_head(fields)
         octets = struct.pack(">" + letters, *numbers)
         marks, text, expected = list(enumerate(octets)), "x" * len(octets), dict(self._expected)
@@ -582,7 +582,7 @@ _Marks = tuple[tuple[int, bytes], ...]
 def _rows(
     layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: int
 ) -> tuple[Iterable[tuple[Any, ...]], int]:
-    """The numbers of so many structs."""
+    """The numbers of `count` structs."""
     end = _end(layout, marks, data, n, count)
     return layout.iter_unpack(data[n:end]), end
 
@@ -594,7 +594,7 @@ def _columns(layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: i
 
 
 def _end(layout: struct.Struct, marks: _Marks, data: bytes, n: int, count: int) -> int:
-    """Where so many structs end, if they are there, and as they are packed here."""
+    """Where `count` structs end. Raises an exception if they are missing or packed in another way."""
     end = n + count * layout.size
     if end > len(data):
         _otherwise()

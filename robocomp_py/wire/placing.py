@@ -1,9 +1,9 @@
-"""Payloads put together in memory that is given, around arrays that lie there already.
+"""Builds payloads in given memory, around arrays that are already there.
 
-An array that is filled in place cannot move; the bytes in front of it can. So the arrays of a message
-get their places first, where the payload of such a message would have them, with room in front and
-behind. When the message is complete, its payload begins wherever it has to for the largest of these
-arrays to stay, and so mostly for all of them; what lies elsewhere is copied.
+An array that was filled in place should not move, but the bytes before it can. So the arrays get their
+places first, at the offsets of a similar payload, with room before and after. When the message is
+complete, the start of its payload is chosen so that the largest array stays in place. Usually all
+arrays do; others are copied.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ Pieces = list[Any]
 """The parts of a payload, in order: bytes, and arrays."""
 
 SPARE = 1024
-"""Bytes in front and behind: so much longer may texts become than they were in the message that was planned with."""
+"""Bytes before and after: texts may grow by this number, compared to the message of the plan."""
 
 _FIRST = SPARE + 4
-"""Where a payload begins that may begin anywhere: 4 octets before a multiple of 8, as its numbers like it."""
+"""Where a payload begins if it may begin anywhere: 4 octets before a multiple of 8, which aligns its numbers."""
 
 _Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -35,7 +35,7 @@ class Plan:
 
 
 def plan(pieces: Pieces, arrays: Sequence[_Array]) -> Plan:
-    """For messages like one of these pieces, among which are these arrays."""
+    """A plan for messages similar to the one with these pieces, which include these arrays."""
     starts, total = {}, 0
     for piece in pieces:
         starts[id(piece)] = total
@@ -44,10 +44,10 @@ def plan(pieces: Pieces, arrays: Sequence[_Array]) -> Plan:
 
 
 def lay(pieces: Pieces, memory: _Array, planned: Plan) -> tuple[slice | None, Plan]:
-    """Make memory, an array of octets, hold the payload of these pieces; say where, and what to plan the next with.
+    """Put the payload of these pieces into memory, an array of octets; return where, and the plan for the next one.
 
-    An array is in its memory if its bytes are, whatever object it is. What does not fit leaves the
-    memory as it is, and is nowhere: None.
+    An array counts as in place if its bytes are in this memory. If the payload does not fit, the
+    memory stays as it is and None is returned.
     """
     here, room = _address(memory), memory.nbytes
     starts, total = [], 0
@@ -72,7 +72,7 @@ def lay(pieces: Pieces, memory: _Array, planned: Plan) -> tuple[slice | None, Pl
         planned = Plan(_FIRST + total + SPARE, tuple(found.get(place, place) for place in planned.places))
     if not fits:
         return None, planned
-    for number in moving:  # out of the way, before anything is written
+    for number in moving:  # copy these before anything is overwritten
         pieces[number] = pieces[number].tobytes()
         del inside[number]
     written = 0

@@ -4,8 +4,8 @@
     dictionary → dict · enumerator → int · everything else → itself
     records → one array, like numbers
 
-Both directions validate, so that a tree is valid in any case. A float32 is rounded when it is
-planted: all those of a struct by one `struct` call.
+Both directions validate, so a tree is always valid. A float32 is rounded when the tree is made:
+all those of a struct by one `struct` call.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PackArray = Callable[[Any, "np.dtype[Any]", Frames], Any]
 ReadArray = Callable[[Any, "np.dtype[Any]", Frames], "np.ndarray[Any, Any]"]
 
 NUMBERS = {bool, int, float}
-"""The types of what may be in a list that is read as an array."""
+"""The types of items in a list that can be read as an array."""
 
 
 class Entries(list[Any]):
@@ -51,11 +51,11 @@ class Entries(list[Any]):
 
 
 _FLOAT32_LIMIT = 2.0**128 - 2.0**103
-"""What is smaller is rounded to a float32; what is not would be to infinity."""
+"""Smaller values are rounded to a float32; others would become infinite."""
 
 
 def compile_planter(message: Struct, array: PackArray) -> Callable[[tuple[Any, ...], Frames], list[Any]]:
-    """A function from a message's fields to a tree. What it raises is for `explain` to explain."""
+    """A function from a message's fields to a tree. It may raise anything; `explain` finds the reason."""
     return _Planter(message, array).compile()
 
 
@@ -107,7 +107,7 @@ class _Planter:
         return f"{unpack}({pack}({', '.join(singles)}))"
 
     def _row(self, fields: tuple[Field, ...], names: list[str]) -> str:
-        """The list of a struct's fields, of which those that are float32 are rounded already."""
+        """The list of a struct's fields. Those of type float32 are already rounded."""
         trees = (n if f.type is FLOAT32 else self._plant(f.type, n) for f, n in zip(fields, names, strict=True))
         return f"[{', '.join(trees)}]"
 
@@ -176,7 +176,7 @@ class Scalars:
         self._program = program
 
     def read(self, kind: Primitive | Enumeration, x: str) -> str:
-        """An expression for the value of a type that the variable `x` holds, if it does."""
+        """An expression for the value in the variable `x`, checked against a type."""
         p = self._program
         wrong = p.name(_wrong)
         match kind:

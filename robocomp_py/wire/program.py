@@ -1,7 +1,7 @@
-"""Python source in the making: codecs compile their functions once per message type.
+"""Generates Python source, from which codecs compile their functions once per message type.
 
-A type whose code does not fit where it is needed gets a function of its own (`function_for`),
-written later (`write_functions`). Loops never nest within one function: Python allows 20.
+A type whose code cannot be inlined gets its own function (`function_for`), which is written later
+(`write_functions`). Loops never nest within one function, because Python allows only 20 levels.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Program:
 
     @contextmanager
     def block(self, head: str) -> Iterator[None]:
-        """What is written in it stands below `head`, a `def`, `for` or `if`."""
+        """Indent the lines written in it below `head`, a `def`, `for` or `if`."""
         self.line(f"{head}:")
         self._depth += 1
         yield
@@ -47,7 +47,7 @@ class Program:
 
     @contextmanager
     def guarded(self, error: str) -> Iterator[None]:
-        """What is written in it raises this, made from `exc`, whatever goes wrong."""
+        """Any exception in the lines written in it is raised as `error`, made from `exc`."""
         with self.block("try"):
             yield
         with self.block("except Exception as exc"):
@@ -59,7 +59,7 @@ class Program:
         return f"{stem}{self._count}"
 
     def name(self, thing: Any, stem: str = "g") -> str:
-        """The global name by which the program knows this object."""
+        """The global name of this object in the program."""
         key = id(thing)
         if key not in self._known:
             self._known[key] = self.fresh(f"_{stem}")
@@ -67,7 +67,7 @@ class Program:
         return self._known[key]
 
     def take_apart(self, kind: Struct, value: str) -> list[str]:
-        """Write what assigns the fields of a value to variables, whose names are returned."""
+        """Write an assignment of a value's fields to variables; return their names."""
         names = [self.fresh() for _ in kind.fields]
         if kind.python is None:
             self.line(f"[{', '.join(names)}] = {self.name(as_tuple)}({value}, {len(names)})")
@@ -119,7 +119,7 @@ class Program:
         return self._functions[key]
 
     def write_functions(self, write: Callable[[str, Type], None]) -> None:
-        """Have every function that is used written, by its name; writing one may use others."""
+        """Write every function that is used, by name; writing one may need others."""
         while self._unwritten:
             kind = self._unwritten.pop()
             write(self.function_for(kind), kind)
@@ -127,14 +127,14 @@ class Program:
     def compile(self, function: str) -> Callable[..., Any]:
         source = "\n".join(self._lines)
         scope: dict[str, Any] = dict(self._names)
-        # the text is made of contracts, which hold nothing but identifiers
+        # the text comes from contracts, which contain only identifiers
         exec(compile(source, f"<robocomp_py codec: {function}>", "exec"), scope)
         compiled: Callable[..., Any] = scope[function]
         return compiled
 
 
 def is_loop(kind: Type) -> bool:
-    """Whether values of this type are treated by a loop in Python."""
+    """Whether values of this type need a loop in Python."""
     return isinstance(kind, Dictionary) or (isinstance(kind, Sequence) and kind.dtype is None)
 
 
@@ -153,14 +153,14 @@ def is_fixed(kind: Type) -> bool:
 
 @dataclass(frozen=True)
 class Leaf:
-    """A part of fixed size that has no parts, and where it is in the value it belongs to."""
+    """A part of fixed size without parts of its own, and its path in the value."""
 
     path: str
     kind: Type
 
 
 def leaves_of(kind: Type) -> list[Leaf] | None:
-    """The leaves of a type, in order, empty structs among them; None if not all of its values have the same."""
+    """The leaves of a type, in order, empty structs included; None if they vary between values."""
     return list(_leaves_under(kind, "")) if is_fixed(kind) else None
 
 
@@ -173,9 +173,9 @@ def _leaves_under(kind: Type, path: str) -> Iterator[Leaf]:
 
 
 def is_record(kind: Struct) -> bool:
-    """Whether a struct's class is one of a generated module, whose objects are their fields and nothing else.
+    """Whether a struct's class comes from a generated module, so that its objects hold only their fields.
 
-    Many of those are made faster without their constructor.
+    Many such objects are made faster without their constructor.
     """
     made = kind.python
     return (
@@ -209,7 +209,7 @@ _YOUNG = 700
 
 
 def _height(kind: Type, known: dict[int, int]) -> int:
-    """How many types with parts stand above each other; `known` are those measured already, by identity."""
+    """How deep a type is nested; `known` holds the types that are already measured, by identity."""
     if id(kind) not in known:
         inside = children(kind)
         known[id(kind)] = 1 + max((_height(each, known) for each in inside), default=0) if inside else 0

@@ -25,7 +25,7 @@ _Check = Callable[[_Array], bool]
 
 
 def is_structured(value: Any) -> bool:
-    """Whether this is an array of records, of whatever struct."""
+    """Whether this is an array of records, of any struct."""
     return isinstance(value, np.ndarray) and value.dtype.names is not None
 
 
@@ -43,8 +43,8 @@ class Records:
     def taken(self, value: Any) -> _Array:
         """A contiguous array of `dtype` with these records; the same memory where that is possible.
 
-        Taken are arrays with the same field names, in any order and layout, and lists of objects. Nothing is rounded
-        to an integer or wrapped. Raises TypeError or ValueError, or OverflowError for a number out of range.
+        It accepts arrays with the same field names, in any order and layout, and lists of objects. No value is
+        rounded to an integer or wrapped. Raises TypeError or ValueError, or OverflowError for a number out of range.
         """
         if isinstance(value, np.ndarray):
             array = value if value.dtype is self.dtype and type(value) is np.ndarray else self._alike(np.asarray(value))
@@ -58,7 +58,7 @@ class Records:
         return self._collected(as_list(value))
 
     def checked(self, array: _Array) -> _Array:
-        """A received array, unless a bool is neither 0 nor 1, or a number is no enumerator: then ValueError."""
+        """A received array. Raises ValueError if a bool is neither 0 nor 1, or an enumerator is unknown."""
         if self._received and array.size:
             _check(array, self._received)
         return array
@@ -122,7 +122,7 @@ class Records:
 
 @lru_cache(maxsize=1024)
 def records(kind: Struct) -> Records:
-    """Those of a flat struct, made once."""
+    """The `Records` of a flat struct, made once."""
     return Records(kind)
 
 
@@ -182,7 +182,7 @@ class _Objects(Sequence[T]):
 
 
 class _about:
-    """What is raised in it is said to be about this field."""
+    """Adds the name of this field to exceptions raised in it."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -206,7 +206,7 @@ def _is_bools(column: _Array) -> bool:
 
 
 def _enumerators(field: Field) -> _Check | None:
-    """What finds out whether all numbers are enumerators."""
+    """A function that tells whether all numbers are enumerators."""
     if not isinstance(field.type, Enumeration):
         return None
     numbers = sorted({number for _, number in field.type.members})
@@ -224,7 +224,7 @@ def _is_among(numbers: _Array, column: _Array) -> bool:
 
 
 def _numbers(field: Field) -> Callable[[list[Any]], _Array]:
-    """What makes an array of the values of a field."""
+    """A function that makes an array of a field's values."""
     match field.type:
         case Enumeration(members=members):
             table = {number: number for _, number in members}

@@ -1,4 +1,4 @@
-"""Many structs of numbers at once: a column for each of their numbers, to `struct` and numpy and back."""
+"""Packs many structs of numbers at once, a column for each number, by `struct` and numpy; and unpacks them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 FEW = 32
-"""So many rows are quicker one by one."""
+"""Up to this number, rows are faster one by one."""
 
 Columns = list[Sequence[Any]]
 
 
 def unpacked(layout: struct.Struct, data: Any, begin: int, count: int) -> Columns:
-    """The columns of so many rows, all of which are there."""
+    """The columns of `count` rows; the caller has checked that they are there."""
     rows = np.frombuffer(data, _row(layout.format), count, begin)
     return [rows[name].tolist() for name in rows.dtype.names or ()]
 
 
 def packed(layout: struct.Struct, between: bytes, *columns: Sequence[Any]) -> Any:
-    """Rows as octets. `between` is a row in which only what the columns leave free is of importance.
+    """Rows as octets. `between` is a row with the octets that belong to no column.
 
-    Numbers are what `struct` takes, and refused as there.
+    Numbers are accepted and refused as by `struct`.
     """
     kind = _row(layout.format)
     rows = np.empty(len(columns[0]), kind)
@@ -37,7 +37,7 @@ def packed(layout: struct.Struct, between: bytes, *columns: Sequence[Any]) -> An
 
 @lru_cache(maxsize=1024)
 def _row(text: str) -> np.dtype[Any]:
-    """The layout of a row, as numpy says it."""
+    """The layout of a row as a numpy dtype."""
     order, letters = text[0], text[1:]
     names, formats, offsets, at = [], [], [], 0
     for letter in letters:

@@ -1,7 +1,7 @@
-"""What codecs have in common whose formats put one field behind the other, with nothing in between: CDR's and Ice's.
+"""The common part of the codecs for formats of consecutive fields without tags: CDR's and Ice's.
 
-What has a fixed size is a run of primitives, the leaves of its type, and is packed or read by one `struct` call; so are
-all leaves between two parts whose size varies.
+A value of fixed size is a run of primitives, the leaves of its type. All leaves between two parts of varying size are
+packed or read by one `struct` call.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .program import Leaf, Program, is_loop
 from .values import as_bool
 
 NUMBERS = frozenset(kind for kind in Primitive if kind.letter and kind.python in (int, float)) - {TIME}
-"""What `struct` checks, and all that it needs."""
+"""Types for which the checks of `struct` are enough."""
 
 
 class Writing(ABC):
@@ -30,11 +30,11 @@ class Writing(ABC):
 
     @abstractmethod
     def _value(self, kind: Type, x: str) -> None:
-        """Emit what packs the value `x`, or have it packed with the run."""
+        """Emit code that packs the value `x`, or add it to the run."""
 
     @abstractmethod
     def _end_run(self) -> None:
-        """Emit what packs the run."""
+        """Emit code that packs the run."""
 
     @abstractmethod
     def _time(self, x: str) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ class Writing(ABC):
             self._value(field.type, variable)
 
     def _check_items(self) -> None:
-        """Emit what refuses a message of too many items. Each has an octet at least, so few messages are counted."""
+        """Emit code that refuses too many items. An item has at least one octet, so few messages are counted."""
         if counter(self._message):
             p = self._program
             with p.block(f"if n > {MAX_ITEMS}"):
@@ -81,7 +81,7 @@ class Writing(ABC):
         self._program.line(f"n = {self._program.function_for(kind)}({x}, n, add)")
 
     def _leaf(self, leaf: Leaf, x: str) -> tuple[str, ...]:
-        """What is packed for a leaf of the value `x`. Numbers are checked by `struct`, and are what it takes."""
+        """An expression for a leaf of the value `x`. `struct` checks and converts numbers."""
         p = self._program
         at = x + leaf.path
         match leaf.kind:
@@ -111,7 +111,7 @@ class Reading(ABC):
         self._letters = ""
         self._names: list[str] = []
         self._begun = False
-        """Whether anything has been read. What comes first is read from a place that is known."""
+        """Whether anything has been read. The first run is read from a fixed offset."""
 
     @abstractmethod
     def _letters_of(self, kind: Type) -> str | None:
@@ -119,19 +119,19 @@ class Reading(ABC):
 
     @abstractmethod
     def _varying(self, kind: Type) -> str:
-        """Emit what reads a value whose size varies; return an expression for it."""
+        """Emit code that reads a value of varying size; return an expression for it."""
 
     @abstractmethod
     def _primitive(self, kind: Primitive, take: Callable[[], str]) -> str:
-        """An expression for a primitive, but for bools, from the variables of its leaf."""
+        """An expression for a primitive other than a bool, from the variables of its leaf."""
 
     @abstractmethod
     def _end_run(self) -> None:
-        """Emit what reads the run."""
+        """Emit code that reads the run."""
 
     @abstractmethod
     def _rows_of(self, letters: str, count: str) -> tuple[str, str]:
-        """What gives the leaves of so many items, few and many, and where they end; see `Program.make_each`."""
+        """Expressions for the leaves of `count` items, few and many, and where they end; see `Program.make_each`."""
 
     def _write(self, function: str, kind: Type) -> None:
         p = self._program
@@ -141,7 +141,7 @@ class Reading(ABC):
             p.line(f"return {value}, n")
 
     def _begin(self) -> None:
-        """Emit how many items a message may have, if it can have any."""
+        """Emit the limit of items, if the message can have any."""
         if counter(self._message):
             self._program.line(f"left = [{MAX_ITEMS}]")
         else:
@@ -159,7 +159,7 @@ class Reading(ABC):
         return names
 
     def _value(self, kind: Type) -> str:
-        """Emit what reads a value; return an expression for it, valid once the run has ended."""
+        """Emit code that reads a value; return an expression for it, valid after the run."""
         letters = self._letters_of(kind)
         if letters is not None:
             return self._fixed(kind, iter(self._run(letters)).__next__)
@@ -172,7 +172,7 @@ class Reading(ABC):
         return result
 
     def _repeat(self, count: str, kinds: tuple[Type, ...], store: str, result: str) -> None:
-        """Emit what reads so many of these, one after the other, and stores each group."""
+        """Emit a loop that reads `count` groups of these types and stores each group."""
         p = self._program
         letters = self._letters_of(kinds[0]) if len(kinds) == 1 else None
         if letters:
@@ -185,7 +185,7 @@ class Reading(ABC):
             p.line(store.format(*values))
 
     def _rows(self, count: str, item: Type, letters: str, result: str) -> None:
-        """Emit what reads items of fixed size."""
+        """Emit code that reads items of fixed size."""
         p = self._program
         names = [p.fresh() for _ in letters]
         take, (few, many) = iter(names).__next__, self._rows_of(letters, count)

@@ -1,11 +1,11 @@
-"""Reads MessagePack piece by piece, as the contract says, so that unexpected content takes little memory.
+"""Reads MessagePack piece by piece, guided by the contract, so that unexpected content takes little memory.
 
-To unpack a message first and look at it then would let the sender choose what it becomes: one octet can become 112
-octets of objects, and three can claim a list of 65535. So the library first skips what it will unpack. That takes no
-memory, and fails if there is less than the heads claim. It then unpacks at most 64 KiB, which are checked at once.
+If a message were unpacked before it is checked, the sender would decide how large it becomes: one octet can become 112
+octets of objects, and three can claim a list of 65535. So the library first skips each value, which takes no memory
+and fails if octets are missing. It then unpacks at most 64 KiB, which are checked at once.
 
-Values that are larger are entered, as the contract says: the items of a container are counted before they are read, and
-a scalar that turns out to be a container is refused at its first octet.
+Larger values are read in parts: the items of a container are counted before they are read, and a container in place
+of a scalar is refused at its first octet.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from .items import MAX_ITEMS, Count, counter, take_items
 from .plain import NUMBERS, Entries, Frames, ReadArray, compile_reader
 
 PIECE = 64 * 1024
-"""At most this number of octets is unpacked before it is checked. They become 8 MB at most."""
+"""The most octets that are unpacked before a check. They become at most 8 MB."""
 
 _MOST_OF_A_PIECE = PIECE - PIECE // 16
 
 SHORT = 2 * 1024
 _FEW = 512
-"""A message of at most 2 KiB that has no list of more items becomes 3 MB at most, whatever it claims to hold."""
+"""If no list has more items, a message of 2 KiB becomes at most 3 MB, whatever it claims to hold."""
 
 _HEAD = 5
 """The octets of the longest head of a container."""
@@ -43,7 +43,7 @@ def unpack_piece(packed: Any) -> Any:
         try:
             return msgpack.unpackb(packed, strict_map_key=False, max_array_len=_FEW)
         except ValueError:
-            pass  # there is a longer list, which may be right, or an error, which is found again below
+            pass  # a longer list, which may be right, or an error, which is found again below
     unpacker = msgpack.Unpacker(max_buffer_size=len(packed))
     unpacker.feed(packed)
     unpacker.skip()
@@ -51,10 +51,10 @@ def unpack_piece(packed: Any) -> Any:
 
 
 def has_dictionary(kind: Type, known: dict[int, bool]) -> bool:
-    """Whether a value is a dictionary of texts, or a struct that has one. These are read more quickly in parts.
+    """Whether a value is a dictionary of texts, or a struct that has one. These are read faster in parts.
 
-    The library interns each text that is a key, which takes longer than to read the keys as a list. `known` has the
-    structs that were looked at already, by identity: many types may share a part.
+    The library interns each text that is a key, which takes longer than reading the keys as a list. `known` holds the
+    structs that were already examined, by identity: many types may share a part.
     """
     if isinstance(kind, Struct):
         if id(kind) not in known:
@@ -79,14 +79,14 @@ def compile_stream_reader(message: Struct, array: ReadArray, *, prefix: bool) ->
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What reads values of some types that were unpacked, and what counts their items."""
+    """For some types: a function that reads unpacked values, and one that counts their items."""
 
     read: Callable[[Any, Frames], tuple[Any, ...]]
     count: Count | None
 
 
 class _Parts:
-    """The types in a message; for each, what reads it is compiled when it is first needed."""
+    """The types in a message. The reader of each is compiled when it is first needed."""
 
     def __init__(self, array: ReadArray) -> None:
         self._array = array
@@ -197,7 +197,7 @@ class _Source:
         return count
 
     def _unpack(self, most: int, parts: int) -> list[Any]:
-        """Trees of the next values: at most `most`, each of this number of trees. None if the first exceeds a piece."""
+        """The trees of at most `most` values, each of `parts` trees. None if the first exceeds a piece."""
         rest = len(self._packed) - self._at
         piece = self._packed[self._at : self._at + PIECE]
         # the average tells how many are probably in one piece
@@ -219,7 +219,7 @@ class _Source:
         return []
 
     def _checked(self, kinds: tuple[Type, ...], trees: list[Any], counted: int = 0) -> tuple[Any, ...]:
-        """The values of trees, if they are of these types. `counted` is how many of their items were counted before."""
+        """The values of trees, checked against these types. `counted` of their items are already counted."""
         part = self._parts.of(kinds)
         values = part.read(trees, self._frames)
         if part.count and len(self._packed) > MAX_ITEMS:  # each item has an octet at least, so few messages are counted
@@ -250,7 +250,7 @@ class _Source:
 
 
 class _Pieces:
-    """A packed message as a file: a message that is refused at its beginning is not copied as a whole."""
+    """A packed message as a file, so that a message refused early is not copied completely."""
 
     def __init__(self, packed: memoryview) -> None:
         self._rest = packed

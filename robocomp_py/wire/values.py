@@ -1,18 +1,19 @@
-"""Which Python values fit a type, and as what they arrive: one answer for all codecs.
+"""Which Python values fit a type, and as which values they arrive; the same for all codecs.
 
     bool          bool, numpy's bool
-    integers      int and what `operator.index` takes for one (numpy's integers, enumerators, bool), in range
-    floats        float and what `struct` packs as one (int, numpy's numbers); a float32 is rounded, never overflows
+    integers      int and everything `operator.index` accepts (numpy's integers, enumerators, bool), in range
+    floats        float and everything `struct` packs as one (int, numpy's numbers); a float32 is rounded, and
+                  never becomes infinite
     string        str that encodes to UTF-8
     time          as int64, within ROS 2's range
     enumeration   an integer that is one of its members
     struct        any object with its attributes; one without a Python class: a tuple
-    sequence      of numbers and bools: see `as_array`; with `records`, and of other flat structs, what `Records.taken`
-                  takes; others: list, tuple, anything with a length and an order
+    sequence      of numbers and bools: see `as_array`; with `records`, and of other flat structs: see `Records.taken`;
+                  others: list, tuple, anything with a length and an order
     dictionary    any mapping
 
-Compiled encoders test for the plainest type first and call these functions for the rest; what
-they raise is explained by `explain.explain`, which calls them again, field by field.
+Compiled encoders test for the plainest type first and call these functions for other types. If one
+raises an exception, `explain.explain` calls them again, field by field, to find the reason.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import numpy as np
 from ..contract.types import Primitive, integer_range
 
 RANGES = {kind: integer_range(kind) for kind in Primitive if kind.python is int}
-"""Smallest and largest value of what is an int in Python."""
+"""Smallest and largest value of each type that is an int in Python."""
 
 _Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -61,7 +62,7 @@ def as_str(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{type(value).__name__} is not a str")
     value.encode()
-    return str.__str__(value)  # of a subclass, the text it is, not the one it shows
+    return str.__str__(value)  # the text of a subclass, not what its own __str__ returns
 
 
 def as_member(value: Any, members: Mapping[int, int]) -> int:
@@ -90,12 +91,12 @@ def as_tuple(value: Any, length: int) -> tuple[Any, ...]:
 def as_array(value: Any, dtype: np.dtype[Any]) -> _Array:
     """A contiguous one-dimensional array of that dtype, sharing the memory of `value` where it can.
 
-    Taken are arrays and buffers (of more dimensions, too: flattened in C order), flat lists, tuples
-    and ranges of numbers, and for octets bytes. Nothing is rounded to an integer or wrapped: a
-    value that does not fit raises OverflowError, one of another kind TypeError.
+    It accepts arrays and buffers (several dimensions are flattened in C order), flat lists, tuples and
+    ranges of numbers, and bytes for octets. No value is rounded to an integer or wrapped: a value
+    out of range raises OverflowError, one of another kind TypeError.
     """
     if type(value) is np.ndarray and value.dtype is dtype and value.ndim == 1 and value.strides[0] == dtype.itemsize:
-        return value  # what nearly all are, found out as quickly as can be
+        return value  # nearly all arrays, found by the fastest test
     if isinstance(value, np.ndarray) and value.dtype == dtype and value.ndim:
         if value.ndim == 1 and value.flags.c_contiguous:
             return value
@@ -138,7 +139,7 @@ def _check_convertible(array: _Array, dtype: np.dtype[Any]) -> None:
 def snapshot(value: Any, dtype: np.dtype[Any]) -> _Array:
     """`as_array`, read-only, and sharing no memory that is still writable."""
     array = as_array(value, dtype)
-    if array.flags.writeable or not is_frozen(array):  # most can be written to, which is quickly found out
+    if array.flags.writeable or not is_frozen(array):  # most are writeable, and this is the faster test
         # numpy copies structured arrays item by item, so these are copied as octets
         copied = (array.view(np.uint8) if dtype.names else array).copy()
         copied.flags.writeable = False
@@ -155,14 +156,14 @@ def is_frozen(owner: Any) -> bool:
             writable, owner = owner.flags.writeable, owner.base
         if writable:
             return False
-    # None: the array had memory of its own; `frozen`: memory of a transport's, which lends it to be read
+    # None: the array owned its memory; `frozen`: memory that a transport lends for reading
     return owner is None or isinstance(owner, bytes) or bool(getattr(owner, "frozen", False))
 
 
 def view_of(data: Any, dtype: np.dtype[Any], count: int, offset: int) -> _Array:
     """A read-only array over received bytes, without a copy; it keeps the bytes alive.
 
-    Raises ValueError if there are not so many, or if a bool is neither 0 nor 1.
+    Raises ValueError if the payload is too short, or if a bool is neither 0 nor 1.
     """
     if not count:
         return read_only(np.empty(0, dtype))
