@@ -25,7 +25,7 @@ class Comments:
 
     @property
     def endless(self) -> Span | None:
-        """The last one, if nothing closes it."""
+        """The last comment, if it is not closed."""
         last = self.spans[-1] if self.spans else None
         return last if last and last.text.startswith("/*") and not last.text[2:].endswith("*/") else None
 
@@ -39,7 +39,7 @@ class Comments:
         return "".join([*parts, self.source.text[done:]])
 
     def doc(self, span: Span) -> str:
-        """The comment that belongs to a node: on the lines right above it, or behind it on its line."""
+        """The comment that belongs to a node: on the lines directly above it, or after it on its line."""
         index = bisect.bisect_left(self._starts, span.start)
         above = _clean(self._above(span, index))
         if above:
@@ -48,7 +48,7 @@ class Comments:
         return _clean([behind.text]) if behind else ""
 
     def _above(self, span: Span, index: int) -> list[str]:
-        """Those right before a node; of that index is the first that begins behind its start."""
+        """The comments directly before a node; `index` is the first comment after the node's start."""
         found: list[str] = []
         start = span.start
         while index:
@@ -64,7 +64,7 @@ class Comments:
         return found
 
     def _behind(self, span: Span, index: int) -> Span | None:
-        """The one right behind a node, if it is that of this index."""
+        """The comment directly after a node, if it is the one at `index`."""
         if index == len(self.spans) or self._starts[index] - span.end > _FAR:
             return None
         gap = self.source.text[span.end : self._starts[index]]
@@ -86,7 +86,7 @@ def find_comments(source: Source) -> Comments:
 
 
 def _clean(comments: list[str]) -> str:
-    """Comments as prose: without their marks, Doxygen's words included."""
+    """Comments as prose: without their marks and without Doxygen's commands."""
     return "\n".join(_lines(comments)).strip()
 
 

@@ -29,7 +29,7 @@ class Diagnostic:
     severity: Severity = Severity.ERROR
     hint: str = ""
     related: tuple[tuple[str, Span], ...] = ()
-    """Other places that belong to it, each with what it is: `first defined here`."""
+    """Related places, each with a text: `first defined here`."""
 
     def render(self) -> str:
         """With place, source line and caret, as compilers do."""
@@ -41,7 +41,7 @@ class Diagnostic:
         return _printable("\n".join(lines))
 
     def to_json(self) -> dict[str, Any]:
-        """For machines. The end is the place behind the last character."""
+        """For machines. The end is the position after the last character."""
         line, column = self.span.source.position(self.span.start)
         end_line, end_column = self.span.source.position(self.span.end)
         return {
@@ -92,16 +92,17 @@ def ordered(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
 
 
 def mistyped(name: str, known: Iterable[str]) -> str:
-    """The known name that this is but for a slip of the fingers or two, or nothing.
+    """The known name that differs from this one by one or two typing errors, or nothing.
 
-    For names of which many exist that share a part: `PoseEstimation` and `FullPoseEstimation` are two things.
+    It is stricter than `did_you_mean`, for names that share long parts: `PoseEstimation` is no misspelling of
+    `FullPoseEstimation`.
     """
     near = closest(name, known)
     return near if _slips(name.lower(), near.lower()) <= (1 if len(name) < _LONG else 2) else ""
 
 
 def _slips(name: str, meant: str) -> int:
-    """How many characters are wrong, too many or missing; two that are swapped count once."""
+    """The number of wrong, additional or missing characters; two swapped characters count once."""
     differ = [at for at, (one, other) in enumerate(zip(name, meant, strict=False)) if one != other]
     if len(name) == len(meant) and len(differ) == 2 and name[differ[0]] == meant[differ[1]]:
         return 1
@@ -110,7 +111,7 @@ def _slips(name: str, meant: str) -> int:
 
 
 _LONG = 6
-"""Characters of a name that may have two slips."""
+"""The shortest name that may have two typing errors, in characters."""
 
 
 def did_you_mean(name: str, known: Iterable[str], *, prefix: str = "") -> str:
@@ -140,7 +141,7 @@ def _place(span: Span) -> str:
 
 
 def _excerpt(span: Span) -> Iterator[str]:
-    """The line (of a very long one, the part) a span begins in, and carets below; nothing if it is blank."""
+    """The line in which a span begins (a part of a very long one), with carets below; nothing if it is blank."""
     line, column = span.source.position(span.start)
     whole = span.source.line(line)
     cut = column - 1 - _EXCERPT // 2 if len(whole) > _EXCERPT and column > _EXCERPT // 2 else 0
@@ -153,7 +154,7 @@ def _excerpt(span: Span) -> Iterator[str]:
 
 
 def _printable(text: str) -> str:
-    """What would move a terminal's cursor replaced, so that binary files do no harm."""
+    """The text without characters that would move a terminal's cursor, which binary files may contain."""
     return "".join(char if char.isprintable() or char in "\n\t" else "\N{REPLACEMENT CHARACTER}" for char in text)
 
 

@@ -24,20 +24,20 @@ def severity(page: str) -> str:
 
 
 def meaning(page: str) -> str:
-    """What a page says above its examples, as one line."""
+    """The text of a page above its examples, as one line."""
     _, _, text = page.partition("\n## ")[0].split("\n\n", 2)
     return " ".join(text.split())
 
 
 def summary(page: str) -> str:
-    """The first sentence of that."""
+    """The first sentence of `meaning`."""
     text = meaning(page)
     found = _SENTENCE.match(text)
     return re.sub(":$", ".", found[1] if found else text)
 
 
 def codes() -> list[str]:
-    """All that have a page."""
+    """All codes that have a page."""
     return sorted(_codes())
 
 
@@ -48,6 +48,6 @@ def _codes() -> Iterator[str]:
 
 
 def _folder() -> Traversable:
-    """Where a wheel has them, or a checkout."""
+    """The folder of the pages, in a wheel or in a checkout."""
     shipped = files("robocomp_py") / "diagnostics"
     return shipped if shipped.is_dir() else Path(__file__).parents[2] / "docs" / "diagnostics"

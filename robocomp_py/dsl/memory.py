@@ -11,15 +11,15 @@ T = TypeVar("T")
 
 
 class Memory:
-    """Shared by workspaces that follow one another, in one thread. Holds one result for each key."""
+    """Shared by successive workspaces of one thread. Holds one result for each key."""
 
     def __init__(self) -> None:
         self._kept: dict[Hashable, tuple[object, object, list[Diagnostic]]] = {}
 
     def recall(self, key: Hashable, given: object, make: Callable[[Report], T], report: Report) -> T:
-        """What `make` comes to, and reports, for something given: as the last time, if that was the same.
+        """The result and report of `make`, or those of the last time if the given inputs are the same.
 
-        Bytes are the same if they are equal. All else has to be the very same: what was made of it refers to it.
+        Bytes are compared by value. Other inputs must be the same objects, because the result refers to them.
         """
         kept = self._kept.get(key)
         if kept is None or not (kept[0] is given or (isinstance(given, bytes) and kept[0] == given)):

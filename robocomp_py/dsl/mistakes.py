@@ -1,7 +1,7 @@
-"""Syntax errors: what is said of them, and how a text can be read on behind them.
+"""Explains syntax errors, and mends the text so that the rest of it can be read.
 
-The text is mended where it is clear what was meant; else the statement is blanked. Nothing moves,
-so that all that is found later still stands where the file has it.
+If the intention is clear, the text is corrected; otherwise the statement is blanked. No text moves,
+so that later errors are reported at their places in the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .source import Source, Span
 _MOST_LISTED = 8
 
 END = "the end of the file"
-"""How the end is called among what was expected."""
+"""The name of the end among the expected words."""
 
 _STRAY = re.compile(r'"[^"\n]*"|[;{](?:\s*;)+')
 """A text, in which nothing is stray, or what ends or opens something, and the semicolons that follow it."""
@@ -26,18 +26,18 @@ _STRAY = re.compile(r'"[^"\n]*"|[;{](?:\s*;)+')
 _ENDIF = re.compile(r"[ \t]*(#[ \t]*endif\b.*)")
 
 _CONFLICT = re.compile(r"^(<{7}|={7}|>{7})(?![<=>])[^\n]*", re.MULTILINE)
-"""What git leaves in a text."""
+"""Marks of git in a text."""
 
 _ENDS = re.compile(r'"[^"\n]*"|[{};]')
 _LINE_COMMENT = re.compile(r"[ \t]*//[^\n]*")
 _OPENER = re.compile(r"\b(struct|enum|exception|interface)\s+\w+\s*\Z")
 _ALIKE = {**dict.fromkeys("({[<", "({[<"), **dict.fromkeys(")]>", ")}]>")}
-"""Brackets that are written for one another."""
+"""Brackets that are often confused."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A syntax error, and how to go on: with that part of the text blanked, and this put at its beginning."""
+    """A syntax error, and how to continue: this part of the text is blanked, and a text is put at its beginning."""
 
     diagnostic: Diagnostic
     start: int
@@ -51,8 +51,8 @@ class Mistake:
 
 
 def find_stray(text: str) -> list[tuple[int, int]]:
-    """Where semicolons begin and end that end nothing, because there is another one or a `{` before them; and where an
-    `#endif` does that is the last line."""
+    """The places of semicolons that end nothing, because another one or a `{` is before them; and that of an
+    `#endif` in the last line."""
     runs = (found for found in _STRAY.finditer(text) if found[0][0] != '"')
     semicolons = [run.start() + at for run in runs for at, char in enumerate(run[0]) if at and char == ";"]
     return [*((at, at + 1) for at in semicolons), *_last_endif(text)]
@@ -66,7 +66,7 @@ def _last_endif(text: str) -> list[tuple[int, int]]:
 
 
 def without_stray(text: str) -> str:
-    """The text with spaces in place of stray characters, which people write and every generator accepts."""
+    """The text with spaces in place of stray characters, which all generators accept."""
     done, parts = 0, list[str]()
     for start, end in find_stray(text):
         parts += [text[done:start], " " * (end - start)]
@@ -106,7 +106,7 @@ def find_conflicts(text: str) -> list[Conflict]:
 
 
 def without_conflicts(text: str, conflicts: Iterable[Conflict]) -> str:
-    """The text with the first version of what is in conflict."""
+    """The text with the first version of each conflict."""
     done, parts = 0, list[str]()
     for each in conflicts:
         first = text.index("\n", each.begin)
@@ -173,27 +173,27 @@ def is_open(text: str) -> bool:
 
 
 def misspelt(found: str, expected: list[str]) -> str:
-    """The keyword that a word is meant to be, or nothing."""
+    """The keyword that a word may be a misspelling of, or nothing."""
     keywords = [word.strip("`") for word in expected if word.startswith("`") and word[1].isalpha()]
     return closest(found, keywords) if re.match(r"\w", found) else ""
 
 
 @dataclass(frozen=True)
 class Ways:
-    """How a word that cannot stand where it stands can be made sense of; tried out by the parser."""
+    """How a misplaced word could make sense. The parser has tried each of these."""
 
     missing: str = ""
-    """The mark that could be in front of it."""
+    """The mark that may be missing before it."""
     replaced: bool = False
-    """Whether what follows fits the keyword that it seems to be."""
+    """Whether the next words fit the keyword that it resembles."""
     removed: bool = False
-    """Whether what follows begins a statement without it."""
+    """Whether the next words begin a statement without it."""
     keywords: Collection[str] = ()
     """The words of the language that cannot be names."""
 
 
 def explain_token(source: Source, text: str, span: Span, expected: list[str], ways: Ways) -> Mistake:
-    """A word that cannot stand where it stands."""
+    """A word that the grammar does not allow at its place."""
     found, before = text[span.start : span.end], text[: span.start].rstrip()
     if END in expected and set(expected) <= {END, "`;`"}:
         return _explain_rest(text, span)
@@ -216,7 +216,7 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
     if len(right) == 1:
         hint = f"write `{right[0]}` instead"
         return Mistake(Diagnostic("syntax", message, span, hint=hint), span.start, span.end, right[0])
-    start = span.end - max(len(meant), len(found))  # a longer keyword takes the room of the spaces in front
+    start = span.end - max(len(meant), len(found))  # a longer keyword replaces spaces before it
     if ways.replaced and start >= 0 and re.fullmatch(r"\W?\s*", text[max(0, start - 1) : span.start]):
         return Mistake(Diagnostic("syntax", message, span, hint=hint), start, span.end, meant)
     if before.endswith("=") and re.match(r"[+-]?[.\d]", found):  # a number, and not one of those that can be there
@@ -227,7 +227,7 @@ def explain_token(source: Source, text: str, span: Span, expected: list[str], wa
 
 
 def _explain_rest(text: str, span: Span) -> Mistake:
-    """Something behind the one definition of a file: all of it is left out."""
+    """Text after the one definition of a file: all of it is left out."""
     hint = "a file has only one definition; remove the text after it"
     if span.text == "}":
         hint = "remove it, or a `}` above that is one too many"
@@ -237,7 +237,7 @@ def _explain_rest(text: str, span: Span) -> Mistake:
 
 
 def _block_inside(text: str, span: Span) -> Span | None:
-    """The word that begins a definition where none can be, because the block before was not closed."""
+    """A word that begins a definition inside a block, because the block before it was not closed."""
     opener = _OPENER.search(text, 0, span.start) if span.text == "{" else None
     if opener and text[opener.start() - 1 : opener.start()].isspace():
         return span.source.span(*opener.span(1))
@@ -255,7 +255,7 @@ def _listed(words: list[str]) -> str:
 
 
 def _statement(text: str, at: int) -> tuple[int, int]:
-    """The statement around an offset: from behind the last `;`, `{` or `}` to its `;`, a block of its own included."""
+    """The statement around an offset: from after the last `;`, `{` or `}` to its `;`, its block included."""
     start = 0
     for found in _ENDS.finditer(text, 0, at):
         if found[0] in "{};":
@@ -279,7 +279,7 @@ def _statement(text: str, at: int) -> tuple[int, int]:
 
 
 def _unclosed(text: str) -> list[int]:
-    """Where the braces stand that nothing closes, outermost first."""
+    """The places of braces that are not closed, outermost first."""
     waiting: list[int] = []
     for found in _ENDS.finditer(text):
         if found[0] == "{":

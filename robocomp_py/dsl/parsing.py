@@ -1,4 +1,4 @@
-"""LALR parsing by lark, and what can come next after any number of words."""
+"""LALR parsing by lark, and the words that can follow any prefix of a text."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ STRANGE, END = "STRANGE", "$END"
 """The kinds of a character that begins no word, and of what comes last."""
 
 State = InteractiveParser
-"""Where a parser stands behind some words."""
+"""The state of a parser after some words."""
 
 
-class Unexpected(Exception):  # not an error of the tree in errors.py: it never leaves the languages
-    """A word that cannot come where the parser stands."""
+class Unexpected(Exception):  # not derived from the errors in errors.py: it stays within the languages
+    """A word that the parser cannot accept in its state."""
 
     def __init__(self, word: Token, state: State) -> None:
         super().__init__(str(word))
@@ -49,7 +49,7 @@ class Parser:
         self._word = re.compile("|".join(f"(?:{each})" for each in shared), re.ASCII)
 
     def _edit(self, terminal: TerminalDef) -> TerminalDef:
-        """A keyword is a whole word, and comes before names; kinds of words that one language has come first."""
+        """Make keywords whole words with priority over names, but below a language's own kinds of words."""
         terminal.priority *= 2
         if terminal.pattern.type == "str":
             self._values[terminal.name] = terminal.pattern.value
@@ -59,7 +59,7 @@ class Parser:
         return terminal
 
     def parse(self, text: str, see: Callable[[Token], object] | None = None) -> Tree[Token]:
-        """The tree of a text. Shows every word on the way; raises Unexpected at the first that fits nowhere."""
+        """The tree of a text. Passes every word to `see`; raises Unexpected at the first that does not fit."""
         state, last = self._lark.parse_interactive(text), None
         try:
             for last in state.iter_parse():
@@ -71,7 +71,7 @@ class Parser:
         return tree
 
     def _unexpected(self, text: str, error: UnexpectedInput, last: Token | None) -> Token:
-        """The word at an error. One that could stand there as far as the lexer knew is what the lexer took it for."""
+        """The word at an error. Its kind is the lexer's choice if the lexer accepted it."""
         if isinstance(error, UnexpectedToken) and (error.token is last or error.token.type == END):
             word: Token = error.token
             return word
@@ -87,7 +87,7 @@ class Parser:
         return kinds
 
     def after(self, state: State, kind: str) -> State:
-        """Where the parser stands behind a word of a kind that can come next."""
+        """The state of the parser after a word of a kind that can come next."""
         behind: State = state.copy(deepcopy_values=False)  # type: ignore[no-untyped-call]  # likewise
         behind.feed_token(Token(kind, ""))
         return behind

@@ -1,4 +1,4 @@
-"""Diagnostics as SARIF 2.1.0, which tools for the review of code read."""
+"""Diagnostics as SARIF 2.1.0, a format for code review tools."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _result(diagnostic: Diagnostic, rule: int, root: Path) -> dict[str, Any]:
 
 
 def _place(span: Span, root: Path) -> dict[str, Any]:
-    """A file, and a part of it; the file alone if there is nothing in it."""
+    """A file, and a region of it; only the file if it is empty."""
     place: dict[str, Any] = {"artifactLocation": _artifact(span.source.path, root)}
     if span.source.text:
         line, column = span.source.position(span.start)

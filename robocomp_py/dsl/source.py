@@ -23,7 +23,7 @@ class Source:
         return line, offset - self._starts[line - 1] + 1
 
     def offset(self, line: int, column: int) -> int:
-        """Where a place is, given a line and the characters in front of it."""
+        """The offset of a line and column."""
         return min(self._starts[line - 1] + column, len(self.text))
 
     def line(self, number: int) -> str:

@@ -1,7 +1,7 @@
-"""Grammars: text to trees, with every independent syntax error said for people, and the comments kept.
+"""Grammars: text to trees, with a message for every independent syntax error, and with the comments.
 
-After an error the text is mended, and parsed again, so that one pass tells of several mistakes, and
-what is right is still there to be checked.
+After an error the text is mended and parsed again. So one run reports several errors, and the correct
+parts can still be checked.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ MAX_NESTING = 100
 MAX_DIGITS = 40
 MAX_SYNTAX_ERRORS = 20
 MAX_PARSED = 10_000_000
-"""Characters to parse for one file, all attempts together; one attempt is always made."""
+"""The most characters to parse for one file, in all attempts; one attempt is always made."""
 
 _WORDS = {
     "$END": END,
@@ -52,12 +52,12 @@ _WORDS = {
     "ADDRESS": "an address",
 }
 _UNADVERTISED = ("LEGACY",)
-"""Keywords whose terminals' names begin so are read, but not proposed."""
+"""Keywords whose terminals have this prefix are read, but not proposed."""
 
 _HINTS = {r"\bimport\s+[^\s\"].*": 'the name of a file stands in double quotes: `import "Laser.idsl";`'}
 _MARKS = (";", ",", ")", ">", "}", "{", "(", ");")
 _AROUND = 300
-"""Characters of a line to both sides of a mistake that may say what it is."""
+"""Characters of a line before and after an error in which hints are searched for."""
 
 _WORD = re.compile(r"\w+")
 _TOKEN = re.compile(r'\s*("[^"\n]*"|\w+|=>|::|\S)')
@@ -68,7 +68,7 @@ _LIMITED = re.compile(rf'"[^"\n]*"|//[^\n]*|/\*.*?\*/|/\*.*|[{{}}<>()]|\b\d{{{MA
 
 @dataclass(frozen=True)
 class Parsed:
-    """A tree (None if nothing could be made of the text), its comments, and the words left out of it."""
+    """A tree (None if the text could not be parsed), its comments, and the words left out of it."""
 
     tree: Tree[Token] | None
     comments: Comments
@@ -78,8 +78,7 @@ class Parsed:
 class Grammar:
     """One language's grammar. `name` is the package that holds its grammar.lark.
 
-    `hints` are for mistakes that many make: what the text around a syntax error on its line looks like, and what
-    to say then.
+    `hints` are for common mistakes: a pattern for the text around a syntax error on its line, and the hint.
     """
 
     def __init__(self, name: str, hints: Mapping[str, str] | None = None) -> None:
@@ -90,7 +89,7 @@ class Grammar:
         return _parser(self._name)
 
     def parse(self, source: Source, report: Report) -> Parsed:
-        """The tree of a text; what is wrong with its syntax goes into the report."""
+        """The tree of a text; syntax errors go into the report."""
         limit = _beyond(source)
         if limit:
             report.diagnostics.append(limit)
@@ -110,7 +109,7 @@ class Grammar:
             except Unexpected as error:
                 mistake = self._explain(source, text, error)
                 diagnostic = self._hinted(mistake.diagnostic)
-                if diagnostic in mistakes:  # what was tried did not help: go on behind the word
+                if diagnostic in mistakes:  # the correction did not help: continue after the word
                     mistake = Mistake(diagnostic, error.word.start_pos or 0, error.word.end_pos or 0)
                 elif diagnostic.span.end <= len(source.text) and (  # or it is about what was added there
                     mistake.start < len(source.text) or not mistakes or (mistake.instead and not comments.endless)
@@ -125,9 +124,9 @@ class Grammar:
         return Parsed(tree, comments, frozenset(skipped))
 
     def tokens(self, source: Source, comments: Comments) -> list[Token] | None:
-        """The words of a text as they are understood, without semicolons that end nothing; None if its syntax is wrong.
+        """The words of a text, without semicolons that end nothing; None if its syntax is wrong.
 
-        A keyword's type tells that it is one: see `keywords`.
+        Keywords have types of their own: see `keywords`.
         """
         if _beyond(source) or comments.endless:
             return None
@@ -144,7 +143,7 @@ class Grammar:
         return {name: word for name, word in self._parser.fixed.items() if word[0].isalpha()}
 
     def words_behind(self, source: Source) -> list[str]:
-        """The keywords that can come behind a text that is still being written, whatever is wrong further up."""
+        """The keywords that can follow a text that is still being written, even if it has errors further up."""
         text = "" if _beyond(source) else without_stray(find_comments(source).bare)
         for _ in range(MAX_SYNTAX_ERRORS):
             try:
@@ -185,7 +184,7 @@ class Grammar:
         return diagnostic
 
     def _ways(self, text: str, error: Unexpected, expected: list[str]) -> Ways:
-        """How a word can be made sense of, together with those behind it."""
+        """How a word, together with the next ones, could make sense."""
         behind = self._behind(text, error.word.end_pos or 0)
         meant = misspelt(str(error.word), expected)
         marks = _MARKS if is_open(text) else [each for each in _MARKS if each != "}"]
@@ -199,13 +198,13 @@ class Grammar:
         )
 
     def _behind(self, text: str, at: int) -> list[set[str]]:
-        """What the next two words could be; if there is but one, that."""
+        """What the next two words could be, or the next one if it is the last."""
         first = _TOKEN.match(text, at)
         second = _TOKEN.match(text, first.end()) if first else None
         return [self._kinds(each[1]) for each in (first, second) if each] or [{"$END"}]
 
     def _missing(self, error: Unexpected, behind: list[set[str]], possible: Sequence[str]) -> str:
-        """The mark, or marks, that would make sense of a word, and of those behind it, in front of it."""
+        """The mark, or marks, before a word that would make the word and the next ones valid."""
         own = self._kinds(str(error.word))
         for kinds in (own - {"NAME"}, own & {"NAME"}):  # a keyword is likely to be meant as one
             for marks in possible:
@@ -214,7 +213,7 @@ class Grammar:
         return ";" if self._begins_misspelt(error, behind) else ""
 
     def _begins_misspelt(self, error: Unexpected, behind: list[set[str]]) -> bool:
-        """Whether a word seems to be the first one of a statement behind one that is not ended: two mistakes."""
+        """Whether a misspelt word seems to begin a statement after one that is not ended: two mistakes."""
         if not self._fits(error.state, self._kinds(";")):
             return False
         [ending] = self._kinds(";") & self._parser.accepted(error.state)
@@ -222,7 +221,7 @@ class Grammar:
         return bool(meant) and self._fits(error.state, {ending}, self._kinds(meant) - {"NAME"}, *behind)
 
     def _fits(self, state: State, *words: set[str]) -> bool:
-        """Whether words, each of one of these kinds, can come one after the other."""
+        """Whether words of these kinds can follow one another."""
         for kinds in words:
             accepted = kinds & self._parser.accepted(state)
             if not accepted:
@@ -231,7 +230,7 @@ class Grammar:
         return True
 
     def _kinds(self, word: str) -> set[str]:
-        """What a word could be."""
+        """The kinds that a word could have."""
         fixed = self._parser.fixed
         found = {name for name, value in fixed.items() if value.lower() == word.lower()}
         if word[0].isalpha() or word[0] == "_":
@@ -241,7 +240,7 @@ class Grammar:
         return {*found, *({"INT", "NUMBER"} - set(fixed))} if word[-1].isdigit() else found  # `int` is PDSL's INT
 
     def _expected(self, state: State) -> list[str]:
-        """What could stand there, as people say it; keywords in back-quotes."""
+        """The words expected in a state, for messages; keywords in back-quotes."""
         said = {word for kind in self._parser.accepted(state) for word in self._said(kind)}
         return sorted(said, key=lambda text: (text.startswith("`"), text))
 
@@ -261,7 +260,7 @@ def span_of(source: Source, token: Token) -> Span:
 
 
 def name_of(source: Source, token: Token) -> Name:
-    """A word; a text in quotes without them."""
+    """A word; a quoted text without its quotes."""
     span = span_of(source, token)
     if token.type == "STRING":
         return Name(str(token)[1:-1], source.span(span.start + 1, span.end - 1))
@@ -277,7 +276,7 @@ def tree_span(source: Source, tree: Tree[Token]) -> Span:
 
 
 def _beyond(source: Source) -> Diagnostic | None:
-    """What would take too much to read."""
+    """An error if the file is too expensive to read."""
     if len(source.text) > MAX_CHARACTERS:
         message = f"the file has more than {MAX_CHARACTERS} characters"
         return Diagnostic("too-large", message, source.span(0, 0))
@@ -298,7 +297,7 @@ def _beyond(source: Source) -> Diagnostic | None:
 
 
 def _deepest(brackets: str) -> int:
-    """How deeply brackets are nested, whatever their shapes."""
+    """How deeply brackets of all shapes are nested."""
     depth = most = 0
     for bracket in brackets:
         if bracket in "{<(":

@@ -1,14 +1,14 @@
 """Paths to checked, linked models. Imports are found along one documented path, and read once.
 
-Where an import is looked for, in this order:
+An import is searched for in this order:
 
     the folder of the importing file · -I folders · $ROBOCOMP_INTERFACES (a path list)
     $ROBOCOMP/interfaces/IDSLs · ~/robocomp/interfaces/IDSLs · /opt/robocomp/interfaces/IDSLs
     the interfaces shipped with robocomp_py
 
 An import may be a file name, a relative path, or an absolute path of another machine, each with or
-without its ending. All folders are searched for it as it is written; then, if there is no such file
-in any of them, for its last part.
+without its extension. All folders are searched for the path as written; if no folder has such a file,
+they are searched for its last part.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from .source import Name, Source
 from .syntax import MAX_CHARACTERS
 
 ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl", ".smdsl")
-"""Of our languages. SCXML, which is not ours, is read as well where a state machine is."""
+"""The endings of our languages. A state machine may also be an SCXML file."""
 
 SHIPPED = Path(str(files("robocomp_py") / "interfaces"))
 
@@ -67,13 +67,13 @@ COMMON_BEHAVIOR = "RoboCompCommonBehavior"
 
 MAX_BYTES = 4 * MAX_CHARACTERS
 MAX_IMPORTS = 100
-"""Files that import one another in a row."""
+"""The longest chain of files that import one another."""
 
 Read = Callable[[Path], bytes]
 
 
 def read_file(path: Path) -> bytes:
-    """A file's bytes; of one that is too large anyway, no more than it takes to see that."""
+    """A file's bytes; of a file that is too large, only enough to see that."""
     if path.is_fifo():
         raise OSError("it is a pipe, not a file")
     with path.open("rb") as file:
@@ -81,10 +81,10 @@ def read_file(path: Path) -> bytes:
 
 
 def nearby(path: Path, written: str, taken: Collection[str] = (), likely: str = "") -> str:
-    """`did you mean `explorer.pdsl`?` for a file that is not there, if one beside it has such a name and ending.
+    """`did you mean `explorer.pdsl`?` for a missing file, if its folder has a file with a similar name and its ending.
 
-    It is none of the `taken` files, as they are written, and preferably one with the name `likely`. If there is no such
-    folder either, it is a file of the same name in one beside it with such a name.
+    It proposes none of the `taken` files, and preferably one with the name `likely`. If the folder is missing, too, it
+    proposes a file of the same name in a folder with a similar name.
     """
     try:
         names = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix and each.is_file()]
@@ -113,7 +113,7 @@ def _in_folder_beside(path: Path, written: str) -> str:
 
 @dataclass(frozen=True)
 class LinkedComponent:
-    """What a CDSL file comes to: the component, and the modules its interfaces need."""
+    """The result of a CDSL file: the component, and the modules its interfaces need."""
 
     path: Path
     component: Component
@@ -132,7 +132,7 @@ M = TypeVar("M")
 
 @dataclass(eq=False)
 class _Loaded(Generic[F]):
-    """A file and what it imports. `module` is what an IDSL file comes to, if nothing it needs is wrong."""
+    """A file and what it imports. `module` is the result of an IDSL file, if all that it needs is valid."""
 
     file: F
     imports: list[_Loaded[F]] = field(default_factory=list)
@@ -140,7 +140,7 @@ class _Loaded(Generic[F]):
 
 
 class Workspace:
-    """Reads files of all the languages; everything wrong with them is in `report`.
+    """Reads files of all the languages; their errors are in `report`.
 
     `read` returns a file's bytes and raises OSError: the disk's by default, an editor's buffers or
     a test's dict otherwise. `middlewares` are those a component may ask for, by default the installed ones.
@@ -167,7 +167,7 @@ class Workspace:
         self._machines: dict[str, StateMachine | None] = {}
         self._reading: list[str] = []
 
-    # One file of each language. None means: too wrong to go on; the report says why.
+    # One file of each language. None means that it cannot be used; the report says why.
 
     def check(self, path: Path) -> None:
         """Parse and check a file of any of the languages, and what it imports."""
@@ -195,12 +195,12 @@ class Workspace:
         return found.module if found else None
 
     def interface_files(self, path: Path) -> list[IdslFile]:
-        """What an IDSL file says, behind all that it imports, however indirectly; nothing if anything is wrong."""
+        """The models of an IDSL file and of all its imports, which come first; empty if there is any error."""
         found = self._load_idsl(path)
         return [each.file for each in _closure([found])] if found and found.module else []
 
     def parameters(self, path: Path) -> ParameterSet | None:
-        """The parameters of a PDSL file, those it imports included."""
+        """The parameters of a PDSL file, including imported ones."""
         found = self._load_pdsl(path)
         every = _closure([found] if found else [])
         if found is None or any(self._errors_in(each.file.source) for each in every):
@@ -230,7 +230,7 @@ class Workspace:
         return [each for each in found if each]
 
     def deployment(self, path: Path) -> Deployment | None:
-        """The model of a DDSL file. What its network comes to is `robocomp_py.deploy.planner`'s to say."""
+        """The model of a DDSL file. `robocomp_py.deploy.planner` checks the resulting network."""
         key = os.path.realpath(path)
         if key not in self._deployments:
             source = self.source(path)
@@ -253,7 +253,7 @@ class Workspace:
         return self._machines[key]
 
     def model(self, path: Path) -> IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile | None:
-        """What a file of any of the languages says, unchecked; None if it cannot be read at all."""
+        """The unchecked model of a file of any of the languages; None if it cannot be read at all."""
         source = self.source(path)
         parse = _PARSERS.get(path.suffix.lower())
         if source is None or parse is None:
@@ -263,7 +263,7 @@ class Workspace:
     # Finding and reading.
 
     def search_path(self, importing: Path) -> list[Path]:
-        """The folders in which the imports of a file are looked for, in order."""
+        """The folders in which the imports of a file are searched for, in order."""
         environment = os.environ
         listed = [Path(each) for each in environment.get("ROBOCOMP_INTERFACES", "").split(os.pathsep) if each]
         robocomp = environment.get("ROBOCOMP")
@@ -279,7 +279,7 @@ class Workspace:
         return next(filter(self._exists, candidates), None)
 
     def _tidy(self, path: Path) -> Path:
-        """A path as people would write it, `idsl/Arm.idsl` for `arm/../idsl/Arm.idsl`, if that is the same file."""
+        """The short form of a path, `idsl/Arm.idsl` for `arm/../idsl/Arm.idsl`, if it is the same file."""
         if ".." not in path.parts:
             return path
         short = Path(os.path.normpath(path))
@@ -380,7 +380,7 @@ class Workspace:
         return loaded
 
     def _merge(self, loaded: Sequence[_Loaded[IdslFile]]) -> dict[str, Definition]:
-        """What these files define, by qualified name. Two files may define the same, but not differently."""
+        """The definitions of these files, by qualified name. Two files may define a name only identically."""
         merged: dict[str, tuple[Definition, Name]] = {}
         found = Report()
         for each in loaded:
@@ -494,7 +494,7 @@ class Workspace:
         return found
 
     def _common_behavior(self, roots: Sequence[_Loaded[IdslFile]]) -> list[_Loaded[IdslFile]]:
-        """The interface that is always known, unless the imports bring one along."""
+        """The interface that every component knows, unless the imports define one."""
         if any(each.file.module.text == COMMON_BEHAVIOR for each in _closure(roots)):
             return []
         common = self._load_idsl(SHIPPED / "CommonBehavior.idsl")
@@ -507,7 +507,7 @@ class Workspace:
         suspects: Collection[str] | None,
         machine: StateMachine | None,
     ) -> None:
-        """`suspects` are names that may be right but for an import that is not; None if all imports are right."""
+        """`suspects` are names that a failed import may define; None if all imports succeeded."""
         found = Report()
         importable: list[str] = []
         if any(item.interface.text not in interfaces for item in model.ports):
@@ -520,7 +520,7 @@ class Workspace:
 
     @staticmethod
     def _has_window(model: CdslComponent) -> bool:
-        """Whether a `gui` has an effect: for components that a plug-in runs."""
+        """Whether a `gui` has an effect: only for components that a plug-in runs."""
         return any(model.all("gui")) and plugins.worker_loader(model.source.path.parent) is not None
 
     def _errors_in(self, source: Source) -> bool:
@@ -589,7 +589,7 @@ def _remedy(name: str, given: str, ending: str) -> str:
 
 
 def _forms(name: str, ending: str) -> Iterator[PurePosixPath]:
-    """The spellings under which an imported file may be found, the exact one first."""
+    """The names under which an imported file may be found, the exact one first."""
     given = PurePosixPath(name.replace("\\", "/"))
     for path in dict.fromkeys((given, PurePosixPath(given.name))):
         if path.name:
@@ -599,7 +599,7 @@ def _forms(name: str, ending: str) -> Iterator[PurePosixPath]:
 
 
 def _closure(roots: Sequence[_Loaded[F]]) -> list[_Loaded[F]]:
-    """These files and all they import, each once, after those it imports."""
+    """These files and all their imports, each once and after its own imports."""
     found: dict[_Loaded[F], None] = {}
 
     def visit(each: _Loaded[F]) -> None:
@@ -614,7 +614,7 @@ def _closure(roots: Sequence[_Loaded[F]]) -> list[_Loaded[F]]:
 
 
 def _suspects(imports: Sequence[Name], loaded: Sequence[_Loaded[IdslFile]]) -> set[str]:
-    """How interfaces may be called that only seem to be missing, because a file could not be found, or is wrong."""
+    """The names of interfaces that may seem to be missing only because a file was not found or has errors."""
     wrong = [each.file for each in loaded if each.module is None]
     wanted = {PurePosixPath(name.text).stem for names in (imports, *(file.imports for file in wrong)) for name in names}
     found = {each.file.source.path.stem for each in loaded}
@@ -622,7 +622,7 @@ def _suspects(imports: Sequence[Name], loaded: Sequence[_Loaded[IdslFile]]) -> s
 
 
 def _is_follow_up(diagnostic: Diagnostic, suspects: Collection[str]) -> bool:
-    """Whether an interface may only seem to be missing."""
+    """Whether a diagnostic may only result from a missing import."""
     if diagnostic.code not in ("unknown-interface", "missing-import"):
         return False
     unlike_any = diagnostic.code == "unknown-interface" and not diagnostic.hint
@@ -630,7 +630,7 @@ def _is_follow_up(diagnostic: Diagnostic, suspects: Collection[str]) -> bool:
 
 
 def _may_be_imported(diagnostic: Diagnostic) -> bool:
-    """Whether a name of an IDSL file may only seem to be wrong while an import is missing."""
+    """Whether a name in an IDSL file may seem wrong only because an import is missing."""
     if diagnostic.code not in ("unknown-type", "unknown-exception", "unknown-interface", "missing-import"):
         return False
     return "::" in diagnostic.span.text or not diagnostic.hint

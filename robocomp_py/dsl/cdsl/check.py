@@ -18,7 +18,7 @@ OPTIONS = ("dsr", "agmagent", "innermodelviewer")
 """Options that RoboComp's generators know; only `agmagent` has an effect here."""
 
 FOREIGN = ("ros",)
-"""Markers that RoboComp's generators know, which are read, and left without effect."""
+"""Markers that RoboComp's generators know; they have no effect here."""
 
 _ONCE = ("language", "gui", "statemachine", "params", "period")
 
@@ -34,9 +34,9 @@ class Surroundings:
     middlewares: Collection[str]
     """What is installed."""
     machine: StateMachine | None = None
-    """Its own, if it has one without mistakes."""
+    """The component's own, if it has one without errors."""
     has_window: bool = False
-    """Whether its files are such that a `gui` has an effect."""
+    """Whether a `gui` has an effect for its files."""
 
 
 def check(model: m.Component, around: Surroundings, report: Report) -> None:
@@ -84,7 +84,7 @@ class _Checker:
             self._check_verb(item, interface)
 
     def _check_extras(self, item: m.Item) -> None:
-        """What stands behind the interface, which is right or wrong whatever that is."""
+        """Check what follows the interface; the interface does not matter for it."""
         if item.qos and not item.verb.is_topic:
             message = "only publications and subscriptions have a QoS"
             self.report.error("qos-of-calls", message, item.qos[0].span.to(item.qos[-1].span))
@@ -237,7 +237,7 @@ class _Checker:
 
 
 def _instead_of(legacy: m.Clause) -> str:
-    """What one writes today for a clause of an older RoboComp."""
+    """The present form of a clause of an older RoboComp."""
     word, *values = (name.text.lower() for name in legacy.names)
     if values and values[0] in ("false", "none"):
         return "remove it: this is the default"

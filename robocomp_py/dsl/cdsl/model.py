@@ -8,14 +8,14 @@ from ...contract.interface import Verb
 from ..source import Name, Source, Span
 
 AGM = ("AGMExecutive.idsl", "AGMExecutiveTopic.idsl", "AGMCommonBehavior.idsl", "AGMWorldModel.idsl")
-"""What RoboComp's generators import by themselves for a component with the option `agmagent`."""
+"""The files that RoboComp's generators import automatically for a component with the option `agmagent`."""
 
 AGENT = (
     (Verb.IMPLEMENTS, "AGMCommonBehavior"),
     (Verb.REQUIRES, "AGMExecutive"),
     (Verb.SUBSCRIBES, "AGMExecutiveTopic"),
 )
-"""The ports that they give to such a component, unless its file names them."""
+"""The ports that they add to such a component, unless its file names them."""
 
 SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
 """The units of time."""
@@ -61,7 +61,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """All a clause says: its kind, the names it gives, and how much."""
+    """The content of a clause: its kind, the names in it, and its amount."""
 
     kind: str
     """Its first word in lower case; `legacy` for those of older generators, whose first name is that word."""

@@ -19,7 +19,7 @@ _VERBS = {verb.value.lower(): verb for verb in Verb}
 
 
 def parse(source: Source, report: Report) -> m.Component | None:
-    """The model of a file, without what could not be read; None if not even its component could."""
+    """The model of a file, without the parts that could not be read; None if the component itself could not."""
     parsed = _GRAMMAR.parse(source, report)
     return _Builder(parsed).component(parsed.tree) if parsed.tree is not None else None
 

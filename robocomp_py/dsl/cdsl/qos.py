@@ -15,11 +15,11 @@ _FLAGS: dict[str, tuple[str, Any]] = {
     str(value): (key, value) for key, values in WORDS.items() if values is not Liveliness for value in values
 }
 KNOWN = (*PRESETS, *_FLAGS, "depth", *TIMES, "liveliness")
-"""The words of which each begins a setting."""
+"""The words that begin a setting."""
 
 
 class _Wrong(ValueError):
-    """What is wrong with a setting, and what may be right."""
+    """An error in a setting, with a proposal."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -27,7 +27,7 @@ class _Wrong(ValueError):
 
 
 def read_qos(settings: Sequence[m.Setting], report: Report) -> QoS:
-    """The QoS some settings ask for; what is wrong with them goes into the report."""
+    """The QoS that settings ask for; errors go into the report."""
     qos = PRESETS["default"]
     given: dict[str, m.Setting] = {}
     for setting in settings:
@@ -70,7 +70,7 @@ def _check_liveliness(qos: QoS, given: Mapping[str, m.Setting], report: Report) 
 
 
 def _values(name: str, setting: m.Setting) -> dict[str, Any]:
-    """What a setting sets, by the name of the QoS's field."""
+    """The values that a setting sets, by the names of the QoS's fields."""
     if name == "depth" or (name == "keep_last" and setting.amount):
         keeps = {"history": History.KEEP_LAST} if name == "keep_last" else {}
         return {**keeps, "depth": _depth(setting)}

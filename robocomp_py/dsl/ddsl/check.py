@@ -1,6 +1,6 @@
 """Model to diagnostics: what is wrong with a file, whatever the components it deploys.
 
-What its network comes to is checked by `robocomp_py.deploy.planner`.
+`robocomp_py.deploy.planner` checks the resulting network.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .restarts import check_restarts, read_restart
 from .scope import HERE, host_of, meanings, restart_of
 
 _MANY = ("dependences", "env", "args", "wiring", "qos")
-"""What may be said several times."""
+"""Clauses that may be repeated."""
 
 
 def check(model: m.Deployment, report: Report) -> None:
@@ -46,7 +46,7 @@ def _check_once(clauses: tuple[m.Clause, ...], report: Report) -> None:
 
 
 def _check_names(model: m.Deployment, report: Report) -> None:
-    """Each instance, and each system, can be told from the others by its whole name."""
+    """Check that the full names of instances and systems are unique."""
     seen: dict[str, tuple[str, Name]] = {}
     named = [("system", each.name) for each in model.systems]
     named += [("instance", each.name) for each in model.instances]
@@ -61,7 +61,7 @@ def _check_names(model: m.Deployment, report: Report) -> None:
 
 
 def _check_named(model: m.Deployment, report: Report) -> None:
-    """Instances that others wait for or use are there, unless a syntax error may have hidden them."""
+    """Check that instances that others wait for or use exist, unless a syntax error may have hidden them."""
     known = {instance.name.text: instance.name for instance in model.instances}
     for instance in model.instances:
         for name in (*instance.dependences, *(wiring.instance for wiring in instance.wirings)):
@@ -107,7 +107,7 @@ def _check_dependences(model: m.Deployment, report: Report) -> None:
 
 
 def _check_processes(model: m.Deployment, report: Report) -> None:
-    """Those that share a process can do so."""
+    """Check that instances in one process can share it."""
     apart = {each.name.text: each.name for each in model.instances if each.process is None}
     told: set[str] = set()
     for instance in model.instances:
@@ -127,7 +127,7 @@ def _check_processes(model: m.Deployment, report: Report) -> None:
 
 
 def _check_alike(model: m.Deployment, together: Sequence[m.Instance], report: Report) -> None:
-    """A process runs in one place, and is started again as a whole."""
+    """Check that instances in one process agree: a process runs on one host and restarts as a whole."""
     first, *others = together
     for each in others:
         here, there = _place(model, first), _place(model, each)
@@ -149,7 +149,7 @@ def _check_alike(model: m.Deployment, together: Sequence[m.Instance], report: Re
 
 
 def _place(model: m.Deployment, instance: m.Instance) -> str:
-    """On which host it runs, as its file calls it; "" for the one that launches the network."""
+    """The host of an instance, as its file names it; "" for the host that launches the network."""
     said = host_of(model, instance)
     if said is None or said.text in HERE:
         return ""

@@ -1,4 +1,4 @@
-"""Where a deployment runs: hosts, addresses, ports. What is said of a host goes to commands, but never as an option."""
+"""Where a deployment runs: hosts, addresses, ports. Values of a host reach commands, but never as options."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PROGRAM = re.compile(r"[A-Za-z0-9_/][A-Za-z0-9_./+-]*\Z")
 
 
 def check_hosts(model: m.Deployment, report: Report) -> None:
-    """Hosts that can be reached, and instances that are on one of them."""
+    """Check the definitions of hosts, and that each instance is on one of them."""
     _check_blocks(model, report)
     for instance in model.instances:
         _check_place(model, instance, report)
@@ -76,7 +76,7 @@ def _check_host(model: m.Deployment, host: m.Host, report: Report) -> None:
 
 
 def is_address(text: str) -> bool:
-    """Whether a text is the number of a host, or may be its name."""
+    """Whether a text is an IP address, or may be the name of a host."""
     try:
         ip_address(text)
     except ValueError:
@@ -105,7 +105,7 @@ def _check_place(model: m.Deployment, instance: m.Instance, report: Report) -> N
 
 
 def check_ports(model: m.Deployment, report: Report) -> None:
-    """On one host, no two instances have one port."""
+    """Check that no two instances on one host have the same port."""
     seen: dict[tuple[str, int], Name] = {}
     for instance in model.instances:
         port, host = instance.port, host_of(model, instance)

@@ -10,7 +10,7 @@ from ..source import Name, Source, Span
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """`requires Laser from laser1 middleware dds;`: which instance a port uses, and what carries their messages."""
+    """`requires Laser from laser1 middleware dds;`: the instance that a port uses, and the middleware between them."""
 
     verb: Name
     port: Name
@@ -22,7 +22,7 @@ class Wiring:
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """`qos subscribesTo LaserPub(best_effort, depth 1);`: of a port, whatever its component says. No verb: any port."""
+    """`qos subscribesTo LaserPub(best_effort, depth 1);`: overrides the QoS of a port. Without a verb: any port."""
 
     verb: Name | None
     port: Name
@@ -66,7 +66,7 @@ class Host:
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """`restart on_failure(intensity 5, period 60);`: whether an instance is started again when it has ended."""
+    """`restart on_failure(intensity 5, period 60);`: whether an instance is restarted when it has ended."""
 
     policy: Name
     settings: tuple[Setting, ...]
@@ -75,10 +75,10 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """`System left { … };`: instances under a prefix, with what holds for all of them."""
+    """`System left { … };`: instances under a prefix, with clauses for all of them."""
 
     name: Name
-    """The whole one, with those of the systems around it in front: `left/wrist`."""
+    """The full name, which begins with the systems around it: `left/wrist`."""
     span: Span
     host: Name | None = None
     restart: Restart | None = None
@@ -91,7 +91,7 @@ class Instance:
     """One component of the deployment. `kind` is the name in its CDSL, if it is not the instance's own."""
 
     name: Name
-    """The whole one, with those of the systems around it in front: `left/arm`. Its place is that of the last part."""
+    """The full name, which begins with the systems around it: `left/arm`. Its place is that of the last part."""
     span: Span
     kind: Name | None = None
     path: Name | None = None
@@ -110,9 +110,9 @@ class Instance:
     host: Name | None = None
     restart: Restart | None = None
     grace: Amount | None = None
-    """The time that it has to stop."""
+    """The time that it may take to stop."""
     existing: Name | None = None
-    """The command line of a program that is not ours."""
+    """The command line of a program that is not a generated component."""
     notifies: Clause | None = None
     """Set if the program reports that it is ready."""
     clauses: tuple[Clause, ...] = ()
@@ -150,12 +150,12 @@ class Deployment:
     name: Name
     span: Span
     instances: tuple[Instance, ...]
-    """Also those in systems, as they are written."""
+    """In the order of the file, including those in systems."""
     middleware: Name | None = None
     namespace: str = ""
     hosts: tuple[Host, ...] = ()
     systems: tuple[System, ...] = ()
-    """Also those in others, which come behind the one they are in."""
+    """Including nested systems, each after the one that contains it."""
     restart: Restart | None = None
     """The default for instances without a `restart` of their own."""
     escalation: Name | None = None

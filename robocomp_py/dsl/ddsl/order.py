@@ -9,7 +9,7 @@ from . import model as m
 
 
 def processes_of(model: m.Deployment) -> dict[str, list[m.Instance]]:
-    """The instances by the names of their processes, all as they are written."""
+    """The instances by the names of their processes, in the order of the file."""
     found: dict[str, list[m.Instance]] = {}
     for instance in model.instances:
         found.setdefault(instance.runs_in.text, []).append(instance)
@@ -17,7 +17,7 @@ def processes_of(model: m.Deployment) -> dict[str, list[m.Instance]]:
 
 
 def process_dependences(model: m.Deployment) -> dict[str, list[Name]]:
-    """For each process, the other ones that must be ready before it starts, where the network says so."""
+    """For each process, the others that must be ready before it starts, as declared in the network."""
     process = {instance.name.text: instance.runs_in.text for instance in model.instances}
     return {
         name: [
@@ -31,9 +31,9 @@ def process_dependences(model: m.Deployment) -> dict[str, list[Name]]:
 
 
 def start_order(waits_for: Mapping[str, Sequence[Name]]) -> tuple[list[str], list[tuple[str, Name]]]:
-    """The instances, those that others wait for first, else as they are given; and what makes that impossible.
+    """The start order, in which dependencies come first and the given order is otherwise kept; and the cycles.
 
-    That is, of each cycle, the step that closes it: an instance, and the one it cannot wait for.
+    Of each cycle, it returns the step that closes it: an instance, and the one it cannot wait for.
     """
     order: list[str] = []
     closing: list[tuple[str, Name]] = []

@@ -33,7 +33,7 @@ _BLOCKS = ("component", "system", "machine")
 
 
 def parse(source: Source, report: Report) -> m.Deployment | None:
-    """The model of a file, without what could not be read; None if nothing could."""
+    """The model of a file, without the parts that could not be read; None if nothing could."""
     parsed = _GRAMMAR.parse(source, report)
     return _Builder(parsed).deployment(parsed.tree) if parsed.tree is not None else None
 
@@ -67,7 +67,7 @@ class _Builder:
         return model
 
     def _read_blocks(self, trees: list[Tree[Any]], system: tuple[str, ...]) -> None:
-        """The instances and systems of a system, or of the network, as they are written."""
+        """The instances and systems of a system, or of the network, in the order of the file."""
         for tree in trees:
             if tree.data == "component":
                 self._instances.append(self._instance(tree, system))
@@ -138,7 +138,7 @@ class _Builder:
                 return {one: names[0]}
 
     def _resolved(self) -> tuple[m.Instance, ...]:
-        """The instances, with references replaced by whole names. An unknown name stays as it is written."""
+        """The instances, with references replaced by full names. An unknown name stays as it is written."""
         known = {each.name.text for each in self._instances}
 
         def meant(name: Name, instance: m.Instance) -> Name:

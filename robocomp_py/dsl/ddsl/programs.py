@@ -1,4 +1,4 @@
-"""What programs are given: commands, arguments and environments, which no shell ever sees."""
+"""The commands, arguments and environments of programs. No shell reads them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def check_program(instance: m.Instance, report: Report) -> None:
 
 
 def check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> None:
-    """Only of a program is it said that it tells when it is ready. `skipped`: words that syntax errors left out."""
+    """Check that only programs have `notifies`. `skipped`: words that syntax errors left out."""
     if instance.notifies and not instance.program and not skipped & {"path", "existing"}:
         message = f"`{instance.name}` is a generated component, which reports by itself when it is ready"
         hint = "remove it, or name the program by `path` or `existing`"
@@ -47,7 +47,7 @@ def check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> N
 
 
 def _shell_syntax(command: str) -> str:
-    """What only a shell would understand, outside of quotes; "" if there is nothing."""
+    """The first text outside quotes that only a shell would understand; "" if there is none."""
     found = _FOR_SHELLS.search(_QUOTED.sub("_", command))
     return found[0] if found else ""
 

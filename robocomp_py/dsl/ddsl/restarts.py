@@ -1,4 +1,4 @@
-"""What becomes of processes that end: `restart on_failure( … )`, `escalation`, `grace`."""
+"""What happens to processes that end: `restart on_failure( … )`, `escalation`, `grace`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST = 1_000_000
 
 @dataclass(frozen=True)
 class _Kind:
-    """A setting: what it may be, and how that is said."""
+    """A setting: its allowed values, and their description."""
 
     fits: Callable[[float], bool]
     said: str
@@ -59,7 +59,7 @@ def _seconds(amount: Amount, otherwise: float) -> float:
 
 
 def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
-    """What it sets, by name; what is wrong with it goes into the report."""
+    """The values that the clause sets, by name; errors go into the report."""
     given: dict[str, Setting] = {}
     found: dict[str, float] = {}
     if restart.settings and restart.policy.text == "never":
@@ -92,11 +92,11 @@ def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
 
 _EXAMPLES = {"intensity": "5", "period": "60", "delay": "0.2", "max_delay": "30"}
 DEFAULTS: Mapping[str, float] = {name: float(text) for name, text in _EXAMPLES.items()}
-"""What holds where nothing is said."""
+"""The defaults."""
 
 
 def value_of(setting: Setting, *, timed: bool) -> float | None:
-    """A number, or of a time its seconds; None if it is neither."""
+    """A number, or the seconds of a time; None if it is neither."""
     amount = setting.amount
     if amount is None or (amount.unit and not timed):
         return None

@@ -21,17 +21,17 @@ class _Saying(Protocol):
 
 
 def whole(system: tuple[str, ...], name: str) -> str:
-    """The whole name of an instance or system."""
+    """The full name of an instance or system."""
     return "/".join((*system, name))
 
 
 def around(system: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """A system, the one it is in, and so on; the whole network, which is (), is the last."""
+    """A system and those around it, from the inside out; the last is the whole network, ()."""
     return (system[:depth] for depth in range(len(system), -1, -1))
 
 
 def meanings(written: str, system: tuple[str, ...], known: Collection[str]) -> list[str]:
-    """The whole names that match a name used in a system. The first is the one it resolves to."""
+    """The full names that match a name used in a system. The first is the one it resolves to."""
     if written.startswith("/"):
         return [written[1:]] if written[1:] in known else []
     return [name for each in around(system) if (name := whole(each, written)) in known]

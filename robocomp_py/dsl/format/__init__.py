@@ -1,6 +1,6 @@
-"""Files of the languages in one style: the same words and comments, laid out anew.
+"""Formats files of the languages: the same words and comments in one layout.
 
-What a file means, and what documents what, does not change. The style of a text that has it is left as it is.
+The meaning of a file, and which comment documents what, do not change. A formatted text stays as it is.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .words import read_words
 class _Language:
     grammar: Grammar
     parse: Callable[[Source, Report], object]
-    """Tells what is wrong with a text."""
+    """Reports the errors in a text."""
     customs: Customs = field(default_factory=Customs)
 
 
@@ -44,7 +44,7 @@ _LINE_END = re.compile(r"\r+\n")
 
 
 def format_text(text: str, language: str, path: Path = Path("<text>")) -> str:
-    """The text in our style. Raises DslError if its syntax is wrong; `path` is what its diagnostics call it.
+    """The formatted text. Raises DslError if its syntax is wrong; `path` is its name in diagnostics.
 
     `language` is one of LANGUAGES. Lines end in LF, and there is no byte order mark.
     """

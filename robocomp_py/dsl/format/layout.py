@@ -1,7 +1,7 @@
-"""Statements and blocks: how the words of a file stand on its lines.
+"""Lays out statements and blocks on lines.
 
-A statement has a line. Only if it is too long for one, it is broken: before `throws`, and then behind the commas of its
-lists. The braces of a block have lines of their own, but nothing in braces, or a list that fits, stays on that of its
+A statement takes one line. A statement that is too long is broken: before `throws`, and then after the commas of its
+lists. The braces of a block have their own lines. Empty braces, and a list that fits, stay on the line of their
 statement:
 
     module RoboCompArm
@@ -14,7 +14,7 @@ statement:
         };
     };
 
-Blank lines are kept, one of several; a block inside another one has one above it.
+Blank lines are kept, at most one in a row. A block inside another one has one above it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _NO_SPACE_BEFORE = frozenset({",", ";", ")", "]", ">", "<", "::", "/"})
 _OPENERS = frozenset({"(", "[", "<"})
 _NO_SPACE_BEHIND = frozenset({*_OPENERS, "::", "/"})
 _CONTINUES = frozenset({"THROWS", "EXTENDS"})
-"""The kinds of words that begin a line of their own, if the statement is too long for one."""
+"""The kinds of words that begin a new line if the statement is too long."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class Customs:
     apart: bool = True
     """Whether a blank line stands above each block inside another one."""
     goes_on: bool = False
-    """Whether a statement goes on behind a list in braces."""
+    """Whether a statement continues after a list in braces."""
 
 
 def lay_out(words: Sequence[Word], customs: Customs) -> str:
-    """The text of these words, of which the last one is the `END`. They are used up by it."""
+    """The text of these words, the last of which is the `END`. It consumes them."""
     return _Layout(words, customs).file()
 
 
@@ -129,14 +129,14 @@ class _Layout:
             self._page.trail(remark)
 
     def _line(self, words: Sequence[Word]) -> None:
-        """Words on a line of their own, or more if they do not fit, with the comments behind the last one."""
+        """Words on a new line, or on several if they do not fit, with the comments after the last one."""
         self._page.line()
         self._page.group(_group(words, self._customs.tight))
         for remark in words[-1].after:
             self._page.trail(remark)
 
     def _opened(self, head: Sequence[Word], opening: Word) -> None:
-        """What is before a block, and its brace. A comment behind the brace is better off behind what is before it."""
+        """The head of a block, and its brace. A comment after the brace moves to the head."""
         if head and not head[-1].after and not opening.before:
             head[-1].after = opening.after
             opening.after = []
@@ -161,7 +161,7 @@ class _Layout:
         self._page.level -= 1
         self._line([closing, *tail])
 
-    # Words, as they are taken.
+    # Taking words.
 
     @property
     def _peek(self) -> Word:
@@ -181,14 +181,14 @@ class _Layout:
         return taken
 
     def _tail(self, closing: Word, goes_on: bool = False) -> list[Word]:
-        """What ends the statement behind a brace: a semicolon, even where there is none."""
+        """The end of the statement after a brace: a semicolon, which is added if it is missing."""
         if self._peek.text == ";" or goes_on:
             return self._take()
         comments, closing.after = closing.after, []
         return [Word(";", "SEMICOLON", after=comments)]
 
     def _begins_list(self) -> bool:
-        """Whether there are items in the braces that come next, and not statements."""
+        """Whether the next braces contain items, not statements."""
         ahead = self._next + 1
         while self._words[ahead].text not in ("{", ";", "}"):
             ahead += 1
@@ -202,7 +202,7 @@ def _is_spread(opening: Word, inside: Sequence[Word], closing: Word) -> bool:
 
 
 def _group(words: Sequence[Word], tight: frozenset[str]) -> Group:
-    """A statement, with the places where it can be broken: behind commas, and before words that continue it."""
+    """A statement, with the places where it can be broken: after commas, and before words that continue it."""
     root = Group(hangs=False)
     inside = [root]
     before: Word | None = None
@@ -243,7 +243,7 @@ def _between(before: Word, word: Word) -> list[str | Remark | Break]:
 
 
 def _without_idle_commas(words: Sequence[Word]) -> list[Word]:
-    """The words without commas that nothing follows."""
+    """The words without trailing commas."""
     kept: list[Word] = []
     for word in words:
         while len(kept) > 1 and kept[-1].text == "," and word.text in (";", ")"):

@@ -1,4 +1,4 @@
-"""Lines, as they are written: broken where they are too long, with the comments behind them in columns."""
+"""Writes lines: breaks those that are too long, and aligns the comments after them in columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEP = 4
 """Columns that the inside of a block is indented."""
 
 _MOST_UNEVEN = 30
-"""Columns by which lines may differ in length whose comments are brought into one column."""
+"""Comments are aligned if the lengths of their lines differ by at most this number of columns."""
 
 
 class Break:
@@ -26,8 +26,8 @@ BREAK = Break()
 class Group:
     """Words that stand on one line, or are broken at all of its breaks. The comments in it end their lines.
 
-    What follows a break stands below what follows the group's beginning, or, if it does not hang, one step further
-    in than the line.
+    The text after a break is aligned with the text after the group's beginning if the group hangs; otherwise it is
+    indented one step more than the line.
     """
 
     hangs: bool = True
@@ -46,18 +46,18 @@ class _Line:
     blank: bool
     """Whether there is a blank line above it."""
     end: int
-    """The column behind its words."""
+    """The column after its words."""
     words: list[str] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)
 
     @property
     def aligns(self) -> bool:
-        """Whether its comment is looked at together with those of the lines around it."""
+        """Whether its comment is aligned with those of neighbouring lines."""
         return bool(self.words) and self.words[0] not in ("{", "}")
 
 
 class Page:
-    """What is written, line after line. `level` is the number of blocks it is in."""
+    """The written lines. `level` is the number of open blocks."""
 
     def __init__(self) -> None:
         self.level = 0
@@ -66,7 +66,7 @@ class Page:
         self._pending: int | None = None
 
     def skip(self) -> None:
-        """Leave a blank line, unless nothing is there yet."""
+        """Leave a blank line, unless the page is empty."""
         self._blank = bool(self._lines)
 
     def fits(self, group: Group) -> bool:
@@ -81,7 +81,7 @@ class Page:
         self._blank, self._pending = False, None
 
     def group(self, group: Group, behind: int = 0) -> None:
-        """Write a group. `behind` is the number of columns that are needed for what cannot be broken off behind it."""
+        """Write a group. `behind` is the number of columns needed for the text that must follow it on the line."""
         flat = _flat_width(group)
         if flat is not None and self._column + flat + behind <= WIDTH:
             self._write_flat(group)
@@ -99,7 +99,7 @@ class Page:
                     self._pending = indent
 
     def write(self, text: str) -> None:
-        """Write a word on the line; the space before it is left out at the beginning."""
+        """Write a word on the line; at the beginning, the space before it is omitted."""
         if self._pending is not None:
             self.line(self._pending)
         line = self._last
@@ -107,7 +107,7 @@ class Page:
         line.end = moved(line.end, line.words[-1])
 
     def remark(self, remark: Remark, indent: int) -> None:
-        """Write a comment amid the words; what follows it is on the next line."""
+        """Write a comment between words; the next word begins a new line."""
         if remark.fresh:
             self.line(indent)
         self._last.remarks.append(remark)
@@ -154,7 +154,7 @@ class Page:
                 yield from _with_remarks(line, column)
 
     def _runs(self) -> Iterator[list[_Line]]:
-        """The lines, those together whose comments are."""
+        """The lines, in groups whose comments are aligned."""
         run: list[_Line] = []
         for line in self._lines:
             if run and (line.blank or not line.aligns or not run[-1].aligns or line.level != run[-1].level):
@@ -197,9 +197,9 @@ def _room_behind(group: Group, behind: int) -> list[int]:
 
 
 def _common_column(run: list[_Line]) -> int | None:
-    """The column of the comments behind these lines; None if each stands behind its own line.
+    """The column of the comments after these lines; None if each follows its line directly.
 
-    Comments that were in one column stay so, and as far from the code as they were.
+    Comments that were in one column stay aligned, at the same distance from the code.
     """
     lines = [line for line in run if line.remarks and line.aligns]
     ends = [line.end for line in lines]

@@ -1,4 +1,4 @@
-"""A text as its words, each with the comments around it. White space is gone, but for what it says.
+"""A text as its words, each with the comments around it. White space is dropped, except where it has a meaning.
 
 A comment on the line of a word belongs to that word and stays behind it; one on a line of its own belongs to the
 word that follows. That is also how documentation is found (`dsl.comments`), so that it stays with what it describes.
@@ -19,10 +19,10 @@ TAB = 4
 """Columns from one tab stop to the next."""
 
 END = "END"
-"""The kind of the word behind the last one, which has the comments at the end of the text."""
+"""The kind of the word after the last one, which has the comments at the end of the text."""
 
 _BEGINNINGS = frozenset({"{", "}", ";", ",", "("})
-"""What a list, or an item of one, begins behind."""
+"""Marks after which a list, or an item of a list, begins."""
 _BLANK_LINE = re.compile(r"\n[ \t\f\r]*\n")
 
 
@@ -33,7 +33,7 @@ class Remark:
     text: str
     column: int
     gap: int
-    """Columns between it and what is before it on its line."""
+    """Columns between it and the text before it on its line."""
     fresh: bool
     """Whether it is the first thing on its line."""
     ends: bool
@@ -43,11 +43,11 @@ class Remark:
 
     @property
     def breaks(self) -> bool:
-        """Whether nothing is to follow it on its line."""
+        """Whether the line must end after it."""
         return self.ends or self.text.startswith("//") or "\n" in self.text
 
     def lines(self, column: int) -> list[str]:
-        """Its text, if it begins in that column: what is below its first line moves as far as that does."""
+        """Its text when it begins in that column: all its lines move by the same distance."""
         first, *rest = (line.rstrip(" \t\r") for line in self.text.split("\n"))
         if all(line.lstrip(" \t").startswith("*") for line in rest):
             return [first, *(" " * (column + 1) + line.lstrip(" \t") for line in rest)]
@@ -70,8 +70,8 @@ class Word:
     def settle(self, following: Word) -> None:
         """Bring comments and commas into an order in which they can be laid out.
 
-        A comma goes before comments that end its line. A comment between a comma and what follows it on the same
-        line belongs to that.
+        A comma goes before comments that end its line. A comment between a comma and the next word on the same
+        line belongs to that word.
         """
         comments = [*self.after, *following.before]
         if following.text == "," and self.text not in _BEGINNINGS and any(each.breaks for each in comments):
@@ -87,8 +87,8 @@ class Word:
 
 
 def read_words(text: str, tokens: Iterable[Token], comments: Iterable[Span], keywords: Mapping[str, str]) -> list[Word]:
-    """The words of a text; what is between them and the comments is nothing but white space, and semicolons that end
-    nothing. The last one is the `END`.
+    """The words of a text. Between words and comments there is only white space, and semicolons that end
+    nothing. The last word is the `END`.
     """
     things = [*_in_order(tokens, comments), Token(END, "", start_pos=len(text), end_pos=len(text))]
     ends = [0, *(_place(thing)[1] for thing in things)]
@@ -99,7 +99,7 @@ def read_words(text: str, tokens: Iterable[Token], comments: Iterable[Span], key
     column = 0
     for index, (thing, gap) in enumerate(zip(things, gaps, strict=True)):
         fresh = index == 0 or "\n" in gap
-        # A semicolon that ends nothing may be all that keeps a comment from being taken for documentation.
+        # Without a semicolon that ends nothing, a comment could become documentation.
         blank = bool(_BLANK_LINE.search(gap)) or separate or (";" in gap and bool(before) and before[-1].fresh)
         behind, column = column, moved(column, gap)
         if isinstance(thing, Token):
@@ -118,7 +118,7 @@ def read_words(text: str, tokens: Iterable[Token], comments: Iterable[Span], key
 
 
 def _in_order(tokens: Iterable[Token], comments: Iterable[Span]) -> Iterator[Token | Span]:
-    """Words and comments as they follow one another."""
+    """Words and comments in the order of the text."""
     waiting = iter(comments)
     comment = next(waiting, None)
     for token in tokens:
@@ -138,7 +138,7 @@ def _place(thing: Token | Span) -> tuple[int, int]:
 
 
 def moved(column: int, text: str) -> int:
-    """The column behind a text that begins in that column."""
+    """The column after a text that begins in that column."""
     if "\n" not in text and "\t" not in text:
         return column + len(text)
     _, newline, line = text.rpartition("\n")

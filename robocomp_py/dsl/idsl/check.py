@@ -36,10 +36,10 @@ _PREFIX = "RoboComp"
 """The module of X.idsl is called RoboCompX, by convention."""
 
 MAX_ANCESTORS = 100
-"""More interfaces or exceptions than these cannot be extended by one, however indirectly."""
+"""The most interfaces or exceptions that one may extend, directly or indirectly."""
 
 _OF_EXCEPTIONS = ("args", "with_traceback", "add_note")
-"""What every Python exception has."""
+"""Attributes of every Python exception."""
 
 Scope = Mapping[str, m.Definition]
 """Definitions by qualified name: a file's own, and those of all it imports."""
@@ -54,7 +54,7 @@ def module_of(name: str) -> str:
 
 
 def check(file: m.File, imported: Scope, report: Report, can_import: Callable[[str], bool]) -> None:
-    """Say what is wrong in a file, given what its imports define, and which other files it could import."""
+    """Report the errors in a file, given the definitions it imports and the other files it could import."""
     _Checker(file, imported, report, can_import).check()
 
 
@@ -113,7 +113,7 @@ class _Checker:
         self._check_reserved([self.file.module, *(definition.name for definition in self.file.definitions)])
 
     def _check_python_names(self) -> None:
-        """No two definitions of the module need one name in Python, where an interface needs several."""
+        """Check that no two definitions of the module need the same name in Python; an interface needs several."""
         seen: dict[str, Name] = {}
         for name, definition in self.scope.items():
             if module_of(name) != self.module:
@@ -134,7 +134,7 @@ class _Checker:
         return list(dict.fromkeys(names_of(definition.name.text, operations)))
 
     def _check_names(self, names: Sequence[Name], what: str, code: str = "duplicate") -> None:
-        """No name stands for two things, here or in Python."""
+        """Check that names are unique, here and in Python."""
         seen: dict[str, Name] = {}
         for name in names:
             first = seen.setdefault(python_name(name.text), name)
@@ -239,7 +239,7 @@ class _Checker:
             self._check_operation(operation)
 
     def _ancestors(self, definition: m.Interface | m.Exception_) -> list[m.Definition]:
-        """What it extends, however indirectly, nearest first; itself, too, if that is circular.
+        """The definitions that it extends directly or indirectly, nearest first; itself, too, if that is circular.
 
         Stops soon after MAX_ANCESTORS, because a longer list is an error in any case.
         """
@@ -380,9 +380,9 @@ class _Checker:
             self._error("bad-default", str(exc), literal.span, hint if enumerators or meaning is Primitive.BOOL else "")
 
     def _find(self, name: Name, code: str, what: str, *kinds: type[m.Definition]) -> m.Definition | None:
-        """The definition a name means; if there is none, say so, unless a syntax error may have hidden it.
+        """The definition with a name; if there is none, report that, unless a syntax error may have hidden it.
 
-        What may be meant is one of these kinds.
+        It must be of one of these kinds.
         """
         found = self.scope.get(qualified(name.text, self.module))
         short = name.text.rpartition("::")[2]
@@ -409,7 +409,7 @@ class _Checker:
         return (_foreign(short) if builtin else "") or self.propose(name, chain(builtin, defined))
 
     def _suggest_import(self, module: str) -> str:
-        """Import it if there is such a file; else it may be misspelt; else there should be such a file."""
+        """A hint for an unknown module: to import its file, to correct its name, or to create the file."""
         stem = module.removeprefix(_PREFIX)
         add = f'add: import "{stem}.idsl";'
         if self.can_import(stem):
@@ -422,16 +422,16 @@ class _Checker:
         """The first definition of each name, whatever its module. Used when the scope is complete."""
         return {each.rpartition("::")[2]: each for each in reversed(self.scope)}
 
-    # Shapes.
+    # Nesting.
 
     def _check_nesting(self) -> None:
-        """No type contains itself, or is nested too deeply for the codecs."""
+        """Check that no type contains itself, or is nested too deeply for the codecs."""
         heights: dict[str, int] = {}
         for definition in self.file.definitions:
             self._height(qualified(definition.name.text, self.module), [], heights)
 
     def _height(self, name: str, inside: list[str], heights: dict[str, int]) -> int:
-        """How many levels a definition has, itself included; each is looked at once."""
+        """The number of levels of a definition, itself included; each definition is examined once."""
         definition = self.scope.get(name)
         if definition is None or name in heights:
             return heights.get(name, 1)
@@ -456,7 +456,7 @@ class _Checker:
 
 
 def _given_back(operation: m.Operation) -> Span:
-    """The first thing that an operation gives back."""
+    """The first value that an operation returns."""
     outputs = [param.span for param in operation.params if param.out]
     results = [operation.result.span] if operation.returns else []
     return [*results, *outputs, *(name.span for name in operation.throws)][0]
@@ -469,7 +469,7 @@ def _foreign(short: str) -> str:
 
 
 def _parts(definition: m.Definition) -> Iterator[tuple[m.TypeName, Span]]:
-    """The types a definition is made of, and where they stand."""
+    """The types in a definition, and their places."""
     match definition:
         case m.Struct(fields=fields) | m.Exception_(fields=fields):
             yield from ((field.type, field.type.span) for field in fields)
@@ -487,7 +487,7 @@ def _parts(definition: m.Definition) -> Iterator[tuple[m.TypeName, Span]]:
 
 
 def enum_values(enum: m.Enum) -> list[int]:
-    """The value of each enumerator: as given, else one more than the one before."""
+    """The value of each enumerator: the given one, or the previous value plus one."""
     values: list[int] = []
     for each in enum.members:
         previous = values[-1] if values else -1

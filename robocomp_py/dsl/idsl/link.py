@@ -15,7 +15,7 @@ from .check import BUILTIN, enum_values, qualified
 from .literals import literal_value
 
 Known = Mapping[str, Definition]
-"""What imported modules define, by qualified name."""
+"""The definitions of imported modules, by qualified name."""
 
 
 def link(file: m.File, imported: Known) -> Module:
@@ -93,7 +93,7 @@ class _Linker:
         return literal.text.rpartition("::")[2]  # an enumerator, by name
 
     def _operations(self, interface: str, definition: m.Interface) -> Iterable[c.Operation[Any]]:
-        """Inherited ones first; what comes by two ways is there once."""
+        """Inherited ones first. An operation inherited twice occurs once."""
         found: dict[str, c.Operation[Any]] = {}
         for base in definition.bases:
             inherited = self._definition(qualified(base.text, self._module))

@@ -1,4 +1,4 @@
-"""What literals mean."""
+"""The values of literals."""
 
 from __future__ import annotations
 

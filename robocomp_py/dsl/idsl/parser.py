@@ -29,7 +29,7 @@ _GRAMMAR = Grammar(
 
 
 def parse(source: Source, report: Report) -> m.File | None:
-    """The model of a file, without what could not be read; None if not even its module could."""
+    """The model of a file, without the parts that could not be read; None if the module itself could not."""
     parsed = _GRAMMAR.parse(source, report)
     return _Builder(parsed).file(parsed.tree) if parsed.tree is not None else None
 

@@ -17,7 +17,7 @@ _INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)")
 
 
 def check(file: m.File, imported: Sequence[m.File], report: Report) -> None:
-    """Say what is wrong in a file, given those it imports, however indirectly."""
+    """Report the errors in a file, given the files it imports directly or indirectly."""
     seen: dict[str, Name] = {}
     for other in imported:
         for name in _names(other.scope):

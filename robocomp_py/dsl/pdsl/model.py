@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..source import Name, Source, Span
 
 MOST_ITEMS = 1000
-"""A list cannot demand more items: its example configuration holds all of them."""
+"""The most items that a list may demand: its example configuration holds all of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Model to diagnostics: states that are not there, that are there twice, or that nothing leads to."""
+"""Model to diagnostics: states that are missing, duplicate or unreachable."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def check(file: m.File, report: Report) -> None:
-    """Say what is wrong in a file."""
+    """Report the errors in a file."""
     found, ends = Report(), shared(file)
     file = resolved(file)
     _Checker(file, found, ends).check()
@@ -34,9 +34,9 @@ class _Checker:
     """See `shared`."""
     states: dict[str, m.State] = field(default_factory=dict)
     around: dict[str, str] = field(default_factory=dict)
-    """The state that a state is in; "" for those of the machine itself."""
+    """The parent of each state; "" for those of the machine itself."""
     told: set[Span] = field(default_factory=set)
-    """Names of which something was said: the source of several transitions is named once."""
+    """Names that are already reported: the source of several transitions is reported once."""
 
     def check(self) -> None:
         self.propose = Proposals()
@@ -141,7 +141,7 @@ class _Checker:
                 self._check_regions(each)
 
     def _check_regions(self, transition: m.Transition) -> None:
-        """Warn of a transition between states that are active together."""
+        """Warn about a transition between states that are active together."""
         source, target = (
             [*[*self._all_around(end.text)][::-1], end.text] for end in (transition.source, transition.target)
         )
@@ -155,7 +155,7 @@ class _Checker:
                 return
 
     def _all_around(self, name: str) -> dict[str, None]:
-        """The states that a state is in, innermost first, and "" for the machine itself; of too many not all."""
+        """The ancestors of a state, innermost first, then "" for the machine itself; limited in number."""
         found: dict[str, None] = {}
         while name and (around := self.around.get(name)) is not None and around not in found:
             if len(found) > MAX_NESTING:
@@ -176,7 +176,7 @@ class _Checker:
         return state
 
     def _known_end(self, name: Name) -> m.State:
-        """One of several end states of a name; which one is not told by where the name stands."""
+        """Report a name that several end states share, if its place does not decide which one is meant."""
         parents = self.ends[name.text]
         state = self.states[next(iter(parents.values()))]
         is_target = any(name is each.target for block in self.file.blocks for each in block.transitions)
@@ -189,7 +189,7 @@ class _Checker:
 
 
 def _check_reach(file: m.File, report: Report) -> None:
-    """Warn of states that no sequence of transitions leads to."""
+    """Warn about states that no sequence of transitions leads to."""
     inside = {block.parent.text if block.parent else "": block for block in file.blocks}
     around = {state.name.text: name for name, block in inside.items() for state in block.states}
     leading: dict[str, list[str]] = {}
@@ -210,7 +210,7 @@ def _check_reach(file: m.File, report: Report) -> None:
 
 
 def _entered_in(block: m.Block | None) -> Iterator[str]:
-    """The states that are entered with the one they are in."""
+    """The states that are entered together with their parent."""
     if block and block.parallel:
         yield from (state.name.text for state in block.states)
     elif block:

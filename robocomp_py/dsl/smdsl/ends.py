@@ -9,9 +9,9 @@ from . import model as m
 
 
 def shared(file: m.File) -> dict[str, dict[str, str]]:
-    """By a name that several parents have for their end states, the name of each by its parent; the machine's is "".
+    """For each name that several end states share: the unique name of each by its parent ("" for the machine).
 
-    None in SCXML, where names are unique.
+    Empty for SCXML, where names are unique.
     """
     if file.source.path.suffix.lower() == ".scxml":
         return {}
@@ -26,10 +26,10 @@ def shared(file: m.File) -> dict[str, dict[str, str]]:
 
 
 def resolved(file: m.File) -> m.File:
-    """The same with these names, also as targets of transitions.
+    """The file with these unique names, also as targets of transitions.
 
     A transition leads to the end state of the innermost state around its source that has one. If there is none, its
-    target keeps its name, which no state has then.
+    target keeps a name that no state has.
     """
     ends = shared(file)
     if not ends:

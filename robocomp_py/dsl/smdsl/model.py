@@ -9,7 +9,7 @@ from ..source import Name, Source, Span
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One that a block says exists."""
+    """A state that a block declares."""
 
     name: Name
     final: bool = False
@@ -24,7 +24,7 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The machine itself, or what is inside of one of its states."""
+    """The inside of the machine, or of one of its states."""
 
     parent: Name | None
     """None for the machine itself."""

@@ -1,9 +1,9 @@
 """SCXML to the model of SMDSL: states, regions, initial and final states, transitions.
 
-What else there is has no effect, which is said.
+Other elements have no effect, which is reported.
 
-Read by expat alone, since it tells places. Document types are refused, and with them all entities, so that no file
-can grow while it is read.
+Files are read by expat, because it reports positions. Document types are refused, and with them all entities, so that
+no file can grow while it is read.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _ATTRIBUTES = {
     "initial": (),
     "transition": ("event", "target"),
 }
-"""What is read of each element."""
+"""The attributes and children that are read of each element."""
 
 _START = re.compile(r"""<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/?>?""")
 
 
 def parse(source: Source, report: Report) -> m.File | None:
-    """The model of a file, without what could not be read; None if nothing could."""
+    """The model of a file, without the parts that could not be read; None if nothing could."""
     root = _read(source, report)
     if root is None:
         return None
@@ -55,11 +55,11 @@ class _Element:
 
 
 class _Refused(Exception):
-    """What we do not read on: a message."""
+    """A file is not read further; the message says why."""
 
 
 def _read(source: Source, report: Report) -> _Element | None:
-    """The elements of a file that are SCXML's; None if it is not XML."""
+    """The SCXML elements of a file; None if it is not XML."""
     if len(source.text) > MAX_CHARACTERS:
         report.error("too-large", f"the file has more than {MAX_CHARACTERS} characters", source.span(0, 0))
         return None
@@ -82,7 +82,7 @@ class _Reader:
         self._bytes = self._characters = 0
         self._open: list[_Element] = []
         self._foreign = 0
-        """How deep we are in elements of others, such as an editor's."""
+        """The depth within foreign elements, such as an editor's."""
         self._expat = expat.ParserCreate("utf-8", " ")
         self._expat.StartElementHandler = self._start
         self._expat.EndElementHandler = self._end
@@ -92,14 +92,14 @@ class _Reader:
         self._expat.Parse(self._data, True)
 
     def here(self) -> int:
-        """Where the parser is, in characters."""
+        """The position of the parser, in characters."""
         index = max(self._bytes, self._expat.CurrentByteIndex)
         self._characters += len(self._data[self._bytes : index].decode("utf-8", "replace"))
         self._bytes = index
         return self._characters
 
     def at(self, line: int, column: int) -> int:
-        """A place that expat tells; the last character if it is the end."""
+        """A position that expat reports; the last character if it is the end."""
         lines = self._source.text.splitlines(keepends=True)
         return max(0, min(sum(map(len, lines[: line - 1])) + column, len(self._source.text.rstrip()) - 1))
 
@@ -167,7 +167,7 @@ class _Builder:
                 self._check(each)
 
     def _check(self, element: _Element) -> None:
-        """Warn of what has no effect."""
+        """Warn about elements and attributes without effect."""
         for key, value in element.attributes.items():
             if key not in _ATTRIBUTES[element.kind]:
                 message = f"`{key}` of `<{element.kind}>` has no effect here"
@@ -189,7 +189,7 @@ class _Builder:
         return name
 
     def _initial(self, element: _Element, states: list[Name]) -> Iterator[Name]:
-        """What is entered first: the attribute, the element, or the first state."""
+        """The initial state, by the attribute, the element, or the first state."""
         given = element.attributes.get("initial")
         for child in element.children:
             if child.kind == "initial":
