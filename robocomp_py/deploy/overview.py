@@ -14,6 +14,7 @@ from .process import Member, Process
 from .table import HERE, Line, Span
 
 _GAP = "  "
+_STYLES = {"instance": "cyan"}
 
 
 def overview(plan: Plan) -> list[Line]:
@@ -79,27 +80,24 @@ def _helpers(plan: Plan) -> list[Line]:
 def _rows(plan: Plan) -> list[list[list[Span]]]:
     """The lines of each cell, by row and column; empty columns are left out."""
     orders, uses = orders_of(plan.processes), _uses(plan)
-    shared = any(process.members for process in plan.processes)
-    titles = ["order", "instance", "component", "process", "host", "starts after", "restart", "address", "uses"]
-    rows = []
-    for process in plan.processes:
-        for member in process.members or (Member(process.name, process.component),):
-            rows.append(
-                [
-                    [(str(orders[process.name]), "")],
-                    [(member.name, "cyan")],
-                    [(member.component, "")],
-                    [(process.name if process.members else "", "")] if shared else [],
-                    [(process.host or HERE, "")] if plan.hosts else [],
-                    [(", ".join(dict.fromkeys((*process.after, *process.ready_after))), "")],
-                    [(_restart(process.restart), "")],
-                    [(text, "") for text in _addresses(process)],
-                    [(text, "") for text in uses.get(member.name, ())],
-                ]
-            )
-    kept = [n for n in range(len(titles)) if any(text for row in rows for text, _ in row[n])]
-    heads = [[(titles[n], "dim")] for n in kept]
-    return [heads, *([row[n] for n in kept] for row in rows)]
+    rows: list[dict[str, list[str]]] = [
+        {
+            "order": [str(orders[process.name])],
+            "instance": [member.name],
+            "component": [member.component],
+            "process": [process.name] if process.members else [],
+            "host": [process.host or HERE] if plan.hosts else [],
+            "starts after": [", ".join(dict.fromkeys((*process.after, *process.ready_after)))],
+            "restart": [_restart(process.restart)],
+            "address": _addresses(process),
+            "uses": uses.get(member.name, []),
+        }
+        for process in plan.processes
+        for member in process.members or (Member(process.name, process.component),)
+    ]
+    kept = [title for title in (rows[0] if rows else ()) if any("".join(row[title]) for row in rows)]
+    cells = ([[(text, _STYLES.get(title, "")) for text in row[title]] for title in kept] for row in rows)
+    return [[[(title, "dim")] for title in kept], *cells]
 
 
 def orders_of(processes: Iterable[Process]) -> dict[str, int]:
@@ -152,7 +150,7 @@ def _columns(rows: Sequence[Sequence[Sequence[Span]]]) -> list[Line]:
     widths = [max(len(text) for row in rows for text, _ in row[n] or [("", "")]) for n in range(len(rows[0]))]
     lines: list[Line] = []
     for row in rows:
-        for number in range(max(1, *(len(cell) for cell in row))):
+        for number in range(max((1, *(len(cell) for cell in row)))):
             cells = [cell[number] if number < len(cell) else ("", "") for cell in row]
             line: Line = [(f"{text:<{width}}{_GAP}", style) for (text, style), width in zip(cells, widths, strict=True)]
             while line and not line[-1][0].strip():

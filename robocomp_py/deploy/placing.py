@@ -15,7 +15,7 @@ from typing import Any
 
 from ..dsl.ddsl.model import Deployment, Instance
 from ..dsl.ddsl.model import Host as Block
-from ..dsl.ddsl.restarts import read_restart
+from ..dsl.ddsl.restarts import DEFAULTS, read_restart
 from ..dsl.ddsl.scope import HERE, host_of, restart_of
 from ..dsl.diagnostics import Report
 from ..dsl.numbers import whole
@@ -83,15 +83,8 @@ def _restart(model: Deployment, together: Sequence[Instance]) -> Restart:
     said = restart_of(model, together[-1])
     if said is None:
         return Restart()
-    given = read_restart(said, Report())
-    usual = Restart()
-    return Restart(
-        When(said.policy.text),
-        int(given.get("intensity", usual.intensity)),
-        given.get("period", usual.period),
-        given.get("delay", usual.delay),
-        given.get("max_delay", usual.max_delay),
-    )
+    given = {**DEFAULTS, **read_restart(said, Report())}
+    return Restart(When(said.policy.text), int(given.pop("intensity")), **given)
 
 
 def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from ...errors import DeploymentError
 from ..agents import Abandoned
+from ..asjson import to_json
 from ..process import Process
 from .birth import PADDING, Birth
 
@@ -76,9 +77,7 @@ class Zygote:
             "arguments": process.command[len(_COMMAND) :],
             "cwd": str(process.cwd),
             "env": dict(environment),
-            "parent": birth.parent,
-            "cgroup": birth.cgroup,
-            "files": birth.files,
+            "birth": to_json(birth),
         }
         answer: asyncio.Future[int] = asyncio.get_running_loop().create_future()
         self._asked[number] = process.name, answer

@@ -190,8 +190,7 @@ def _born(middle: int, lifeline: int, request: Mapping[str, Any], pipes: list[in
             _is_readable(its_end, None)  # without a deadline: the kernel alone reports it
         os.close(its_end)
     with contextlib.suppress(BaseException):
-        files = tuple(request["files"]) if request["files"] else None
-        Birth(request["parent"], lifeline_of_its_own(lifeline), request["cgroup"], files).prepare()
+        Birth(**request["birth"] | {"lifeline": lifeline_of_its_own(lifeline)}).prepare()
         for descriptor in (1, 2):
             os.dup2(pipes[0], descriptor)
         for each in (*pipes, lifeline):

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from ..cdsl.qos import read_qos
 from ..diagnostics import Report, did_you_mean
@@ -127,37 +127,30 @@ def _check_processes(model: m.Deployment, report: Report) -> None:
 
 
 def _check_alike(model: m.Deployment, together: Sequence[m.Instance], report: Report) -> None:
-    """Check that instances in one process agree: a process runs on one host and restarts as a whole."""
+    """Check that the instances of a process agree on the clauses that hold for all of it."""
     first, *others = together
     for each in others:
-        here, there = _place(model, first), _place(model, each)
-        if here != there:
-            where = f"on {there or 'this host'}, `{first.name}` on {here or 'this host'}"
-            message = f"`{each.name}` runs {where}, but they share a process"
-            at = each.host or each.process or each.name
-            report.error(
-                "unshared-process", message, at.span, "give each host a process", ("the other one", first.name.span)
-            )
-        ours, theirs = restart_of(model, first), restart_of(model, each)
-        if _meaning(ours) != _meaning(theirs):
-            message = f"`{each.name}` and `{first.name}` share a process, which is restarted as a whole"
-            at_span = each.restart.span if each.restart else each.name.span
-            other = first.restart.span if first.restart else first.name.span
-            report.error(
-                "unshared-process", message, at_span, "write the same `restart` for both", ("the other one", other)
-            )
+        for clause, meaning in _ALIKE.items():
+            if meaning(model, first) != meaning(model, each):
+                message = f"`{each.name}` and `{first.name}` share a process, which has one `{clause}`"
+                hint = f"write the same `{clause}` for both, or give each a process"
+                at, other = (getattr(one, clause) or one.name for one in (each, first))
+                report.error("unshared-process", message, at.span, hint, ("the other one", other.span))
 
 
-def _place(model: m.Deployment, instance: m.Instance) -> str:
+def _host(model: m.Deployment, instance: m.Instance) -> str:
     """The host of an instance, as its file names it; "" for the host that launches the network."""
     said = host_of(model, instance)
-    if said is None or said.text in HERE:
-        return ""
-    return f"`{said}`"
+    return "" if said is None or said.text in HERE else said.text
 
 
-def _meaning(restart: m.Restart | None) -> tuple[str, dict[str, float]]:
+def _restart(model: m.Deployment, instance: m.Instance) -> tuple[str, dict[str, float]]:
+    restart = restart_of(model, instance)
     return (restart.policy.text, read_restart(restart, Report())) if restart else ("never", {})
+
+
+_ALIKE: Mapping[str, Callable[[m.Deployment, m.Instance], object]] = {"host": _host, "restart": _restart}
+"""What a clause that holds for a whole process means for an instance."""
 
 
 def _check_environment(together: Sequence[m.Instance], report: Report) -> None:
