@@ -102,10 +102,10 @@ def _of_word(word: str, ending: str) -> str:
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
     if ending in (".cdsl", ".ddsl") and (summary := deployment_of(word.lower()).summary):
         return f"`{word}`: {summary}"
-    return f"`{word}`: {_NETWORK_WORDS[word]}" if ending == ".ddsl" and word in _NETWORK_WORDS else ""
+    return f"`{word}`: {NETWORK_WORDS[word]}" if ending == ".ddsl" and word in NETWORK_WORDS else ""
 
 
-_NETWORK_WORDS = {
+NETWORK_WORDS = {
     "never": "it is not started again",
     "on_failure": "it is restarted if it fails",
     "always": "it is restarted whenever it ends by itself",

@@ -40,6 +40,12 @@ def test_a_process_comes_back_as_it_was() -> None:
     assert {each.name for each in fields(Process)} == set(told_of_it)
 
 
+def test_the_example_sets_every_field() -> None:
+    least = Process("a", "A", ("a",), Path("/"))
+    unset = [each.name for each in fields(Process) if getattr(EVERYTHING, each.name) == getattr(least, each.name)]
+    assert unset == []
+
+
 def test_what_is_missing_has_its_default() -> None:
     least = {"name": "a", "component": "A", "command": ["a"], "cwd": "/"}
     assert from_json(Process, least) == Process("a", "A", ("a",), Path("/"))

@@ -17,6 +17,8 @@ from robocomp_py.deploy.process import Member, Process
 from robocomp_py.deploy.table import text
 from robocomp_py.transports.ice.places import icestorm
 
+from .test_asjson import EVERYTHING
+
 
 def process(name: str, **more: Any) -> Process:
     given: dict[str, Any] = {"component": name, "command": ("run", name, "--set", "params.x=1"), "cwd": Path("/")}
@@ -70,6 +72,22 @@ def test_columns_in_which_nothing_stands_are_left_out() -> None:
         "order  instance  component",
         "1      arm       limb",
     ]
+
+
+def test_an_overview_shows_every_field_of_a_process_but_these() -> None:
+    """A field of a new clause has its column, or is added here."""
+    least = Process("a", "A", ("a",), Path("/"))
+    hosts = (Host("robot", "192.168.1.10"), Host("", "192.168.1.11"))
+
+    def without(field: str) -> Plan:
+        return Plan(
+            "One", "auto", (dataclasses.replace(EVERYTHING, **{field: getattr(least, field)}),), (), hosts=hosts
+        )
+
+    whole = lines(Plan("One", "auto", (EVERYTHING,), (), hosts=hosts))
+    hidden = {each.name for each in dataclasses.fields(Process) if lines(without(each.name)) == whole}
+    internal = {"command", "cwd", "env", "files", "is_program", "notifies", "stops_before", "system", "grace"}
+    assert hidden == internal | {"component"}, "a process with members shows their names"
 
 
 def differing(before: Plan, after: Plan) -> list[Change]:

@@ -14,6 +14,7 @@ import robocomp_py
 from robocomp_py.contract.qos import PRESETS, Durability, History, Liveliness, Reliability
 from robocomp_py.dsl.cdsl.model import SECONDS
 from robocomp_py.dsl.idsl.check import BUILTIN
+from robocomp_py.dsl.syntax import Grammar
 from robocomp_py.dsl.workspace import Workspace, read_file
 
 from .snippets import expand, most_choices
@@ -167,6 +168,16 @@ def test_the_grammar_knows_every_word_of_qos() -> None:
     values = [str(each) for kind in (Reliability, Durability, History, Liveliness) for each in kind]
     settings = ["depth", "deadline", "lifespan", "lease", "liveliness"]
     assert missing([*PRESETS, *values, *settings], "cdsl", "qos-word") == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_syntax_file_has_every_keyword_of_the_grammar(language: str) -> None:
+    rules = [
+        (EXTENSION / f"syntaxes/{each}.tmLanguage.json").read_text(encoding="utf-8") for each in (language, "common")
+    ]
+    written = re.sub(r"\\\\.", " ", "".join(rules))
+    keywords = {word for kind, word in Grammar(language).keywords.items() if not kind.startswith("LEGACY")}
+    assert sorted(word for word in keywords if not re.search(rf"\b{word}\b", written, re.I)) == []
 
 
 def test_the_grammar_knows_every_unit_of_time() -> None:
