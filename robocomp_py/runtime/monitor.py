@@ -11,13 +11,15 @@ the pool has no thread at all, the job is refused.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ..errors import Closed
 from ..threads import Pool, start_thread
@@ -62,15 +64,53 @@ class Gauge:
         return taken
 
 
+class Workers(Protocol):
+    """Runs each job on a thread; see `threads.Pool`."""
+
+    def is_staffed(self) -> bool: ...
+
+    def offer(self, job: Job, *, may_wait: bool = False) -> bool: ...
+
+    def close(self) -> None: ...
+
+
+class Signal(Protocol):
+    """Released by one thread, once; another one waits for that by `acquire`."""
+
+    def acquire(self) -> bool: ...
+
+    def release(self) -> None: ...
+
+
+class Threads:
+    """Where the jobs of a monitor run, and how its threads wait. In virtual time, an executor decides both."""
+
+    def __init__(self, start: Callable[[threading.Thread], bool] = start_thread) -> None:
+        """`start` starts a thread, and returns False if the system cannot."""
+        self._start = start
+
+    def pool(self, name: str, most: int, is_needed: Callable[[], bool], freed: Callable[[], object]) -> Workers:
+        return Pool(name, most, is_needed=is_needed, freed=freed, start=self._start)
+
+    def signal(self) -> Signal:
+        lock = threading.Lock()
+        lock.acquire()
+        return lock
+
+    def wait_for(self, future: Future[Any], timeout: float | None) -> None:
+        """Wait until a future is done, at most `timeout` seconds."""
+        with contextlib.suppress(TimeoutError, CancelledError):  # which the caller finds out
+            Future.exception(future, timeout)
+
+
 class _Ticket:
     """A thread's place in the queue. One that is `early` may enter before the monitor is opened."""
 
-    def __init__(self, early: bool) -> None:
+    def __init__(self, early: bool, called: Signal) -> None:
         self.thread = threading.get_ident()
         self.early = early
         self.refused = False
-        self.called = threading.Lock()
-        self.called.acquire()
+        self.called = called
 
 
 class _Waiting(NamedTuple):
@@ -87,9 +127,9 @@ class Monitor:
     Methods on the path of every call use `acquire` and `release`, because `with` takes twice as long.
     """
 
-    def __init__(self, name: str = "worker", start: Callable[[threading.Thread], bool] = start_thread) -> None:
-        """`start` starts a thread, and returns False if the system cannot."""
+    def __init__(self, name: str = "worker", threads: Threads | None = None) -> None:
         self.name = name
+        self._threads = threads or Threads()
         self._state = threading.Lock()
         self._inside: int | None = None
         self._queue: deque[_Ticket | _Waiting] = deque()
@@ -100,8 +140,8 @@ class Monitor:
         self._turns = 0
         """How often a thread has left or was suspended."""
         self.gauge = Gauge()
-        self._pool = Pool(name, MAX_SUSPENDED + 8, is_needed=lambda: bool(self._queue), freed=self._freed, start=start)
-        self._concurrent_pool = Pool(f"{name}-concurrent", CONCURRENT_THREADS, start=start)
+        self._pool = self._threads.pool(name, MAX_SUSPENDED + 8, lambda: bool(self._queue), self._freed)
+        self._concurrent_pool = self._threads.pool(f"{name}-concurrent", CONCURRENT_THREADS, bool, bool)
 
     def open(self) -> None:
         """Admit jobs from now on."""
@@ -160,7 +200,7 @@ class Monitor:
             if self._inside is None and not self._queue and (self._open or early):
                 self._inside = threading.get_ident()
                 return
-            ticket = _Ticket(early)
+            ticket = _Ticket(early, self._threads.signal())
             self._queue.append(ticket)
             if self._inside is None:
                 self._admit_next()  # until the opening, jobs queued before this thread may have to stay
@@ -268,7 +308,7 @@ class Monitor:
             if self._inside is None:
                 self._inside = threading.get_ident()
                 return
-            ticket = _Ticket(early=True)
+            ticket = _Ticket(early=True, called=self._threads.signal())
             self._queue.appendleft(ticket)
         finally:
             self._state.release()
@@ -282,6 +322,11 @@ class Monitor:
             yield
         finally:
             self.resume(out)
+
+    def wait_for(self, future: Future[Any], timeout: float | None) -> None:
+        """Wait until a future is done, at most `timeout` seconds, suspended."""
+        with self.suspended():
+            self._threads.wait_for(future, timeout)
 
     def _admit_next(self) -> None:
         """Admit the next thread or job, after the last one has left. Called with the state locked."""

@@ -129,16 +129,14 @@ class Answer(Future[R]):
         return cancelled
 
     def result(self, timeout: float | None = None) -> R:
-        if self.done():
-            return super().result()
-        with self._monitor.suspended():
-            return super().result(timeout)
+        if not self.done():
+            self._monitor.wait_for(self, timeout)
+        return super().result(0)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
-        if self.done():
-            return super().exception()
-        with self._monitor.suspended():
-            return super().exception(timeout)
+        if not self.done():
+            self._monitor.wait_for(self, timeout)
+        return super().exception(0)
 
     def add_done_callback(self, fn: Callable[[Future[R]], object]) -> None:
         super().add_done_callback(lambda _: self._monitor.run(partial(fn, self)))

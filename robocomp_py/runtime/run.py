@@ -26,7 +26,7 @@ from .connections import Connections
 from .ending import STUCK, announced, end_after, grace_of, settle
 from .introspection import Counts, life, status
 from .lifecycle import Beat, Event, State, after
-from .monitor import Monitor
+from .monitor import Monitor, Threads
 from .notify import contract, notify
 from .RoboCompCommonBehavior import Status
 from .settings import Settings
@@ -64,8 +64,11 @@ class Running:
         find: Callable[[str], TransportFactory] = find_transport,
         tell: Callable[[str], None] = notify,
         clock: Clock | None = None,
+        threads: Threads | None = None,
+        seed: int | None = None,
     ) -> None:
-        """`tell` sends status messages to the launcher of the process. `clock` is the machine's, unless given."""
+        """`tell` sends status messages to the launcher of the process. `clock` is the machine's, unless given. `seed`
+        makes the component's random numbers repeat."""
         check_methods(worker_class)
         self._tell = tell
         self.component = worker_class.component
@@ -79,10 +82,11 @@ class Running:
         """Number of periods skipped because a call took too long."""
         self._wake = threading.Event()
         self._changing = threading.Lock()
-        self.monitor = Monitor(f"worker-{settings.instance}")
+        self.monitor = Monitor(f"worker-{settings.instance}", threads)
         self._watching = Watching(settings.instance, self._call_qos_hook, self.clock)
         self._was_slow = False
-        self._failed = False
+        self.failed = False
+        """Whether its code or its middleware failed, which ends it."""
         self._is_closed = False
         self._is_driven = True
         """Whether an executor takes its steps, so that it has no threads of its own."""
@@ -93,7 +97,7 @@ class Running:
         self._machine: Machine | None = None
         self._round = 0
         """Number of fired transitions to take until `compute` is looked at, plus one; 0 between two rounds."""
-        self.worker = self._build(worker_class)
+        self.worker = self._build(worker_class, seed)
         self._tally = Tally(settings.namespace, settings.instance)
         self._connections = Connections(
             self.worker, settings, find, lambda: not self.is_over, self.monitor, self._watching, self._tally
@@ -109,7 +113,7 @@ class Running:
                 self.beat()
         finally:
             self._close()
-        return not self._failed
+        return not self.failed
 
     def begin(self) -> bool:
         """Open the links of its ports. Returns False if that failed; `end` closes what is open.
@@ -182,7 +186,7 @@ class Running:
         while not self.is_over and not self.doing:
             self.beat()
         self._close()
-        return not self._failed
+        return not self.failed
 
     @property
     def is_up(self) -> bool:
@@ -229,7 +233,7 @@ class Running:
 
     # Starting and ending.
 
-    def _build(self, worker_class: type[Worker[Any]]) -> Worker[Any]:
+    def _build(self, worker_class: type[Worker[Any]], seed: int | None) -> Worker[Any]:
         worker = worker_class.__new__(worker_class)
         spec = self.component.params
         worker._configured = build(spec, self.settings.params) if spec else None
@@ -243,6 +247,7 @@ class Running:
         worker._wake = self._wake.set
         worker._suspended = self.monitor.suspended
         worker._settings = self.settings
+        worker._seed = None if seed is None else (seed, *self.settings.instance.encode())
         if self.component.machine:
             self._machine = Machine(self.component.machine, self._enter, self._wake.set)
             triggers = self.component.machine.triggers().items()
@@ -338,7 +343,7 @@ class Running:
     def _enter(self, state: str) -> None:
         """Call the worker's method for a state that is entered, unless an earlier one has failed."""
         method = getattr(self.worker, f"sm_{label(state)}")
-        if not self._failed:
+        if not self.failed:
             with self._guarded(method):
                 method()
 
@@ -445,7 +450,7 @@ class Running:
 
     def _fail(self, message: str) -> None:
         log.error("%s", message)
-        self._failed = True
+        self.failed = True
         self.signal(Event.STOP)
 
     def _set_period(self, seconds: float) -> None:

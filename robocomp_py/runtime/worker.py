@@ -9,6 +9,7 @@ import shlex
 from abc import ABC
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -17,6 +18,8 @@ from ..errors import ComponentError
 from .lifecycle import Beat, Event, State
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from .clock import Clock
     from .settings import Settings
 
@@ -60,6 +63,7 @@ class Worker(ABC, Generic[P]):
     """A context manager around a wait, during which handlers may run."""
 
     _settings: Settings
+    _seed: tuple[int, ...] | None
 
     _in_front: Front | None = None
     """The loop of the main thread, for components with windows, which belong to that thread."""
@@ -141,6 +145,13 @@ class Worker(ABC, Generic[P]):
     def params(self) -> P:
         """The configured parameters; read-only. Dynamic ones may be changed from outside, between two calls."""
         return self._configured
+
+    @cached_property
+    def random(self) -> np.random.Generator:
+        """Random numbers. In virtual time they repeat: they depend only on the seed and on the name of the instance."""
+        import numpy as np  # only components that use this need it
+
+        return np.random.default_rng(self._seed)
 
     @property
     def state(self) -> State:

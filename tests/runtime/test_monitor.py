@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import pytest
 
 from robocomp_py.errors import Closed
-from robocomp_py.runtime.monitor import MAX_CONCURRENT, MAX_SUSPENDED, MAX_WAITING, Monitor
+from robocomp_py.runtime.monitor import MAX_CONCURRENT, MAX_SUSPENDED, MAX_WAITING, Monitor, Threads
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.threads import Pool, start_thread
 
@@ -313,7 +313,7 @@ class _Scarce:
 
 @contextmanager
 def _monitor_with(scarce: _Scarce) -> Iterator[Monitor]:
-    monitor = Monitor("scarce", scarce)
+    monitor = Monitor("scarce", Threads(scarce))
     monitor.open()
     try:
         yield monitor

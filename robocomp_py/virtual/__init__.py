@@ -1,0 +1,7 @@
+"""Virtual time: the components of a network in one process, one event at a time, in an order that repeats.
+
+executor     which event is next; moves the clock on
+transport    messages and calls between the components, in the order in which they were sent
+monitor      the lock of a worker, for threads that take turns
+record       what was said: its hash, and its lines for `diff`
+"""

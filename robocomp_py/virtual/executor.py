@@ -1,0 +1,252 @@
+"""Runs events one after the other, and moves the clock from one to the next.
+
+    soon     what is to be done at the present instant, in the order in which it was asked for
+    later    what is due at a later instant: ordered by time, then by component, then by age
+
+User code may wait in the middle of an event (`sleep`, a call whose handler sleeps). Waits need not end in the order in
+which they began. So each waiting event keeps its thread, and another thread goes on with the next event. Only one of
+all these threads runs at any time, so the order of events depends on nothing but the components.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Protocol
+
+from ..errors import Closed, ComponentError
+from ..threads import NO_THREAD, start_thread
+
+Job = Callable[[], object]
+
+LAST = math.inf
+"""The order of what belongs to no component: it comes after all that is due at the same instant."""
+
+
+class Stepped(Protocol):
+    """Something with events of its own, such as a component with its timers."""
+
+    def due(self) -> int | None:
+        """The instant of its next event, in ns; None if it has none."""
+        ...
+
+    def step(self) -> None:
+        """Run the event that is due."""
+        ...
+
+
+class Pause:
+    """The wait of a thread in the middle of an event: for `end`, for an instant, or for a condition."""
+
+    def __init__(self, executor: Executor, condition: Callable[[], bool] = bool) -> None:
+        self._executor, self.condition = executor, condition
+        self.turn = threading.Lock()
+        """Released when the thread goes on."""
+        self.turn.acquire()
+        self.over = False
+        self.ended = False
+        """Whether `end` was called in time."""
+
+    def end(self) -> None:
+        """Let the thread go on at the present instant. Without effect if its wait is over."""
+        if not self.over:
+            self.over = self.ended = True
+            self._executor.do(self)
+
+    def wait(self, until: int | None = None, order: float = LAST) -> bool:
+        """Wait for `end` or the condition, or until an instant. Returns False if the instant came first.
+
+        Other events happen meanwhile.
+        Of several waits until the same instant, the one of the lowest `order` ends first. Raises Closed if the
+        executor is closed, and ComponentError on a thread that a component started.
+        """
+        self._executor.wait(self, until, order)
+        return self.ended
+
+    def __call__(self) -> None:
+        """Called at the instant until which it waits: the executor then passes the turn on."""
+        if not self.over:
+            self.over = True
+            self._executor.do_next(self)
+
+
+class Executor:
+    """Safe to use only from its events, and from the thread that calls `run`, while `run` is not running."""
+
+    def __init__(self, start: int = 0) -> None:
+        """`start` is the first instant, in ns."""
+        self.now = start
+        """The present instant, in ns."""
+        self.closed = False
+        self._soon: deque[Job | Pause] = deque()
+        self._later: list[tuple[int, float, int, Job]] = []
+        self._ages = itertools.count()
+        self._stepped: list[Stepped] = []
+        self._stepping: list[Stepped] = []
+        """Those in the middle of a step."""
+        self._until: Callable[[], object] = bool
+        self._end = start
+        self._idle: list[threading.Lock] = []
+        """What lets the threads without an event go on."""
+        self._waiting: list[Pause] = []
+        self._threads: list[threading.Thread] = []
+        self._running = 0
+        """The one thread that runs events now; 0 if `run` is not running."""
+        self._returned = threading.Lock()
+        self._returned.acquire()
+        self._failure: BaseException | None = None
+
+    @property
+    def threads(self) -> Sequence[threading.Thread]:
+        """The threads that run events."""
+        return self._threads
+
+    def add(self, stepped: Stepped) -> None:
+        """Add something with events. Of two that are due at the same instant, the one added first comes first."""
+        self._stepped.append(stepped)
+
+    def run(self, until: Callable[[], object], end: int) -> bool:
+        """Run events until a condition holds, or until the instant `end`; returns whether the condition holds.
+
+        The condition is looked at before each event. Events at `end` itself are run. Raises what an event raises.
+        """
+        self._until, self._end = until, end
+        self._next_thread()
+        self._returned.acquire()
+        self._running = 0
+        if self._failure:
+            failure, self._failure = self._failure, None
+            raise failure
+        return bool(until())
+
+    def close(self) -> None:
+        """End all threads. Where user code waits, `wait` raises Closed. Idempotent."""
+        self.closed = True
+        while self._waiting or self._idle:
+            turn = self._waiting.pop().turn if self._waiting else self._idle.pop()
+            turn.release()
+            self._returned.acquire()  # one after the other
+        for thread in self._threads:
+            thread.join()
+        self._threads.clear()
+
+    def do(self, job: Job | Pause) -> None:
+        """Do something at the present instant, after all that was asked for before."""
+        self._soon.append(job)
+
+    def do_next(self, job: Job | Pause) -> None:
+        """Do something before all that was asked for."""
+        self._soon.appendleft(job)
+
+    def at(self, instant: int, job: Job, order: float = LAST) -> None:
+        """Do something at an instant (ns)."""
+        heapq.heappush(self._later, (instant, order, next(self._ages), job))
+
+    def check_thread(self) -> None:
+        """Raise ComponentError on a thread that a component started."""
+        if self._running != threading.get_ident():
+            raise ComponentError(
+                f"the thread `{threading.current_thread().name}` is not part of the simulation: in virtual time, "
+                "components call others, publish and wait only in methods that the framework calls"
+            )
+
+    def wait(self, pause: Pause, until: int | None, order: float) -> None:
+        """See `Pause.wait`."""
+        self.check_thread()
+        if self.closed:
+            raise Closed("the simulation has ended")
+        if pause.condition():
+            return
+        if pause.ended:  # before the wait began
+            self._soon.remove(pause)
+            return
+        if until is not None:
+            self.at(until, pause, order)
+        self._waiting.append(pause)
+        self._next_thread()
+        pause.turn.acquire()
+        self._running = threading.get_ident()
+        if self.closed:
+            raise Closed("the simulation has ended")
+        self._waiting.remove(pause)
+
+    def _next_thread(self) -> None:
+        """Let another thread run events. The calling one must wait then."""
+        if self._idle:
+            self._idle.pop().release()
+            return
+        thread = threading.Thread(target=self._serve, name=f"simulation-{len(self._threads)}", daemon=True)
+        self._threads.append(thread)
+        if not start_thread(thread):
+            self._threads.pop()
+            raise ComponentError(f"the simulation cannot go on: {NO_THREAD}")
+
+    def _serve(self) -> None:
+        """Run events until another thread is to go on, then wait for the next turn."""
+        mine = threading.Lock()
+        mine.acquire()
+        while True:
+            self._running = threading.get_ident()
+            goes_on = self._run_events()
+            if self.closed:
+                self._returned.release()
+                return
+            self._idle.append(mine)
+            goes_on.release()
+            mine.acquire()
+            if self.closed:
+                self._returned.release()
+                return
+
+    def _run_events(self) -> threading.Lock:
+        """Returns what lets the thread go on whose turn it is."""
+        try:
+            while not self.closed and not self._until():
+                event = self._next()
+                if event is None:
+                    break
+                if isinstance(event, Pause):
+                    return event.turn
+                event()
+        except BaseException as exc:  # `run` raises it
+            if not self.closed:
+                self._failure = exc
+        return self._returned
+
+    def _next(self) -> Job | Pause | None:
+        """The next event, to which the clock is moved; None if there is none until the end."""
+        for pause in self._waiting:
+            if pause.condition():
+                pause.end()
+        if self._soon:
+            return self._soon.popleft()
+        due = [(instant, number) for number, instant in enumerate(map(self._due, self._stepped)) if instant is not None]
+        first = min(due, default=None)
+        if self._later and (first is None or self._later[0][:2] <= first):
+            instant, _, _, job = self._later[0]
+        elif first:
+            instant, job = first[0], partial(self._step, self._stepped[first[1]])
+        else:
+            return None
+        if instant > self._end:
+            self.now = max(self.now, self._end)
+            return None
+        if self._later and job is self._later[0][3]:
+            heapq.heappop(self._later)
+        self.now = max(self.now, instant)
+        return job
+
+    def _due(self, stepped: Stepped) -> int | None:
+        return None if stepped in self._stepping else stepped.due()
+
+    def _step(self, stepped: Stepped) -> None:
+        self._stepping.append(stepped)
+        try:
+            stepped.step()
+        finally:
+            self._stepping.remove(stepped)

@@ -1,0 +1,203 @@
+"""The components of a network in virtual time, from their start to their end."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+from ..errors import ComponentError
+from ..runtime.clock import NEVER, SECOND, ns
+from ..runtime.lifecycle import State
+from ..runtime.run import Running
+from ..runtime.settings import Settings
+from ..runtime.worker import Worker
+from ..spelling import unknown
+from .executor import Executor, Pause
+from .record import Record
+from .threads import TurnThreads
+from .transport import Air
+
+log = logging.getLogger("robocomp.simulation")
+
+GRACE = 5.0
+"""Virtual seconds that a component has to end."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One component of a simulated network."""
+
+    worker_class: type[Worker[Any]]
+    settings: Settings
+
+
+class Simulation:
+    """Runs components in virtual time, in a `with` block. The order of `parts` decides what is simultaneous.
+
+    Times are in seconds since the start. `seed` seeds `self.random` of each component. `write` gets a line for each
+    message. Not safe to use from several threads.
+    """
+
+    def __init__(self, parts: Sequence[Part], seed: int = 0, write: Callable[[str], object] | None = None) -> None:
+        """Creates the workers. Raises ComponentError if one cannot be created."""
+        self._executor = Executor()
+        self.record = Record(self._executor, write)
+        air = Air(self._executor, self.record)
+        self._components: dict[str, Simulated] = {}
+        self._before = set(threading.enumerate())
+        for order, part in enumerate(parts):
+            clock = _Clock(self._executor, order)
+            running = Running(
+                part.worker_class, part.settings, air.factory, _tell, clock, TurnThreads(self._executor), seed=seed
+            )
+            self._components[part.settings.instance] = simulated = Simulated(running)
+            self._executor.add(simulated)
+
+    @property
+    def time(self) -> float:
+        """Virtual seconds since the start."""
+        return self._executor.now / SECOND
+
+    @property
+    def hash(self) -> str:
+        """A hash of all messages until now, with their times: equal runs have equal hashes."""
+        return self.record.hash
+
+    @property
+    def failed(self) -> list[str]:
+        """The instances that have failed."""
+        return [name for name, each in self._components.items() if each.failed]
+
+    @property
+    def over(self) -> bool:
+        """Whether all components have ended."""
+        return all(each.is_over() for each in self._components.values())
+
+    def __getitem__(self, instance: str) -> Simulated:
+        """A component, to look into. Raises KeyError, which names the most similar one."""
+        try:
+            return self._components[instance]
+        except KeyError:
+            raise KeyError(unknown("instance", instance, self._components)) from None
+
+    def __enter__(self) -> Self:
+        for each in self._components.values():
+            each.begin()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self.stop()
+        finally:
+            self._executor.close()
+            for each in self._components.values():
+                each.end()
+
+    def run(
+        self, seconds: float | None = None, *, until: Callable[[], object] | None = None, at_most: float | None = None
+    ) -> bool:
+        """Let the network run: for so many seconds, or until a condition holds, but `at_most` so many seconds.
+
+        Returns whether the condition holds; without one, whether the time has passed. It ends early if all components
+        end or one fails. The condition is looked at after each event, so it should be quick.
+        """
+        if seconds is None and at_most is None and until is None:
+            raise ValueError("say how long: seconds, or until=..., or both until=... and at_most=...")
+        limit = at_most if seconds is None else seconds
+        end = NEVER if limit is None else self._executor.now + ns(limit)
+        wanted = until or (lambda: False)
+        self._executor.run(lambda: wanted() or self.over or self.failed, end)
+        return bool(wanted()) if until else self._executor.now >= end
+
+    def stop(self) -> None:
+        """Stop all components, the last first, each with its `finish`."""
+        for each in reversed(self._components.values()):
+            each.stop()
+            self._executor.run(each.is_over, self._executor.now + ns(GRACE))
+            if not each.is_over():
+                log.warning("%s: did not end in %g s of virtual time", each.instance, GRACE)
+
+    def foreign_threads(self) -> list[str]:
+        """The names of threads that components have started. What they do is not part of the simulation."""
+        own = {*self._before, *self._executor.threads}
+        return sorted(thread.name for thread in threading.enumerate() if thread not in own)
+
+
+class Simulated:
+    """One component of a simulation. Its events are those of the executor."""
+
+    def __init__(self, running: Running) -> None:
+        self._running = running
+        self._has_begun = False
+
+    @property
+    def instance(self) -> str:
+        return self._running.settings.instance
+
+    @property
+    def worker(self) -> Any:
+        """The SpecificWorker itself, to look into between two runs."""
+        return self._running.worker
+
+    @property
+    def state(self) -> State:
+        """Its place in the life cycle, such as "compute" or "ended"."""
+        return self._running.state
+
+    @property
+    def computes(self) -> int:
+        """How often `compute` was called."""
+        return self._running.computes
+
+    @property
+    def failed(self) -> bool:
+        return self._running.failed
+
+    def is_over(self) -> bool:
+        return self._running.is_over
+
+    def begin(self) -> None:
+        self._has_begun = True
+        self._running.begin()
+
+    def stop(self) -> None:
+        self._running.stop()
+
+    def end(self) -> None:
+        if self._has_begun:
+            self._running.end()
+
+    def due(self) -> int | None:
+        instant = self._running.due()
+        return None if instant == NEVER else instant
+
+    def step(self) -> None:
+        if not self._running.beat() and self._running.state is State.STARTING:
+            raise ComponentError(f"{self.instance} requires an interface that no component of the network implements")
+        if self._running.is_over:
+            self._running.end()
+
+
+class _Clock:
+    """The clock of one component; see `runtime.clock.Clock`."""
+
+    def __init__(self, executor: Executor, order: int) -> None:
+        self._executor, self._order = executor, order
+
+    def now(self) -> int:
+        return self._executor.now
+
+    def wait(self, wake: threading.Event, until: int) -> bool:
+        Pause(self._executor, wake.is_set).wait(None if until == NEVER else until, self._order)
+        return wake.is_set()
+
+
+def _tell(text: str) -> None:
+    """Takes what a component would tell its launcher."""

@@ -1,0 +1,60 @@
+"""How the workers of a simulation wait, and where their jobs run: all take turns, as the executor says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+from ..runtime.clock import SECOND
+from ..runtime.monitor import Signal, Threads, Workers
+from ..threads import Job
+from .executor import Executor, Pause
+
+
+class TurnThreads(Threads):
+    """The threads of the executor, which take turns."""
+
+    def __init__(self, executor: Executor) -> None:
+        super().__init__()
+        self._executor = executor
+
+    def pool(self, name: str, most: int, is_needed: Callable[[], bool], freed: Callable[[], object]) -> Workers:
+        return _Events(self._executor)
+
+    def signal(self) -> Signal:
+        return _Signal(self._executor)
+
+    def wait_for(self, future: Future[Any], timeout: float | None) -> None:
+        pause = Pause(self._executor)
+        future.add_done_callback(lambda _: pause.end())
+        pause.wait(None if timeout is None else self._executor.now + round(timeout * SECOND))
+
+
+class _Events:
+    """A pool without threads: each job is an event."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+
+    def is_staffed(self) -> bool:
+        return True
+
+    def offer(self, job: Job, *, may_wait: bool = False) -> bool:
+        self._executor.do(job)
+        return True
+
+    def close(self) -> None: ...
+
+
+class _Signal:
+    """A lock that is taken once, after another thread has released it."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._pause = Pause(executor)
+
+    def acquire(self) -> bool:
+        return self._pause.wait()
+
+    def release(self) -> None:
+        self._pause.end()
