@@ -68,8 +68,8 @@ class Pause:
         self._executor.wait(self, until, order)
         return self.ended
 
-    def __call__(self) -> None:
-        """Called at the instant until which it waits: the executor then passes the turn on."""
+    def expire(self) -> None:
+        """Let the thread go on because its instant has come. Without effect if its wait is over."""
         if not self.over:
             self.over = True
             self._executor.do_next(self)
@@ -166,7 +166,7 @@ class Executor:
             self._soon.remove(pause)
             return
         if until is not None:
-            self.at(until, pause, order)
+            self.at(until, pause.expire, order)
         self._waiting.append(pause)
         self._next_thread()
         pause.turn.acquire()

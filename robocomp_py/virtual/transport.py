@@ -204,7 +204,8 @@ class Outlet(_Link, SupportsHeard):
             raise Unreachable(f"{self.channel.name}: no server")
         executor = self.air.executor
         executor.check_thread()
-        self.air.listener.sent(self.transport.owner, self.channel, payload)
+        to = self.channel if self.channel.pattern is Pattern.PUBLISH else peers[0].channel
+        self.air.listener.sent(self.transport.owner, to, payload)
         if self._history.maxlen:
             self._history.append((executor.now, payload))
         until = executor.now + ns(deadline)
@@ -306,7 +307,7 @@ class Caller(_Link):
         executor = self.air.executor
         executor.check_thread()
         server, until = self._server(), executor.now + ns(deadline)
-        self.air.listener.sent(self.transport.owner, self.channel, payload)
+        self.air.listener.sent(self.transport.owner, server.channel, payload)
         reply = server.serve(payload)
         if isinstance(reply, Future):
             pause = Pause(executor)
@@ -317,7 +318,7 @@ class Caller(_Link):
             reply = reply.result()
         if executor.now > until:
             raise self._late(deadline)
-        self.air.listener.answered(self.channel, reply)
+        self.air.listener.answered(server.channel, reply)
         return reply
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
