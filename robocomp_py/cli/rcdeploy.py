@@ -12,13 +12,13 @@ from pathlib import Path
 
 from ..dsl.diagnostics import did_you_mean
 from .common import command, parser
-from .deploying import down, export, keys, logs, plan, restart, status, trust, up
+from .deploying import down, export, keys, logs, plan, restart, simulate, status, trust, up
 from .deploying.importing import import_network
 from .network import add_overrides, network
 from .rc import Command
 
 COMMANDS: dict[str, Command] = {
-    each.NAME: each for each in (up, plan, status, logs, restart, down, export, keys, trust)
+    each.NAME: each for each in (up, plan, simulate, status, logs, restart, down, export, keys, trust)
 }
 
 _EXAMPLES = """\
@@ -29,6 +29,7 @@ examples:
   rcdeploy net.ddsl --until mission              ... until that instance ends
   rcdeploy net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
   rcdeploy plan net.ddsl                         show what would run, and start nothing
+  rcdeploy simulate net.ddsl --for 60            run it in virtual time, as fast as possible
   rcdeploy up net.ddsl --detach                  start everything, and return when it is ready
   rcdeploy status net.ddsl                       ... how it is; see logs, restart and down, too
   rcdeploy plan --help                           how to use that command

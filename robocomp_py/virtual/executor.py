@@ -102,6 +102,11 @@ class Executor:
         self._failure: BaseException | None = None
 
     @property
+    def stepping(self) -> Sequence[Stepped]:
+        """Those in the middle of a step, the latest last."""
+        return self._stepping
+
+    @property
     def threads(self) -> Sequence[threading.Thread]:
         """The threads that run events."""
         return self._threads
@@ -117,8 +122,14 @@ class Executor:
         """
         self._until, self._end = until, end
         self._next_thread()
-        self._returned.acquire()
-        self._running = 0
+        try:
+            self._returned.acquire()
+        except BaseException:  # Ctrl-C: the event that runs comes to its end first
+            self._until = lambda: True
+            self._returned.acquire()
+            raise
+        finally:
+            self._running = 0
         if self._failure:
             failure, self._failure = self._failure, None
             raise failure

@@ -77,6 +77,12 @@ class Simulation:
         """Whether all components have ended."""
         return all(each.is_over() for each in self._components.values())
 
+    @property
+    def acting(self) -> str:
+        """The instance whose hook runs; "" if none does."""
+        stepping = [each for each in self._executor.stepping if isinstance(each, Simulated)]
+        return stepping[-1].instance if stepping else ""
+
     def __getitem__(self, instance: str) -> Simulated:
         """A component, to look into. Raises KeyError, which names the most similar one."""
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 
@@ -101,8 +102,13 @@ def test_waits_need_not_end_in_the_order_in_which_they_began(executor: Executor)
 
 def test_of_waits_until_one_instant_the_lowest_order_ends_first(executor: Executor) -> None:
     story: list[str] = []
+
+    def wait(name: str, order: int) -> None:
+        Pause(executor).wait(10, order)
+        story.append(name)
+
     for name, order in (("third", 3), ("first", 1), ("second", 2)):
-        executor.do(lambda name=name, order=order: (Pause(executor).wait(10, order), story.append(name)))  # type: ignore[misc]
+        executor.do(partial(wait, name, order))
     executor.run(nothing_left, FOREVER)
     assert story == ["first", "second", "third"]
 
@@ -137,7 +143,12 @@ def test_a_wait_that_was_ended_before_it_began_does_not_wait(executor: Executor)
 
 def test_a_condition_ends_a_wait_after_the_event_that_made_it_true(executor: Executor) -> None:
     event, story = threading.Event(), list[int]()
-    executor.do(lambda: (Pause(executor, event.is_set).wait(100), story.append(executor.now)))
+
+    def wait() -> None:
+        Pause(executor, event.is_set).wait(100)
+        story.append(executor.now)
+
+    executor.do(wait)
     executor.at(9, event.set)
     executor.run(nothing_left, FOREVER)
     assert story == [9]
@@ -145,7 +156,12 @@ def test_a_condition_ends_a_wait_after_the_event_that_made_it_true(executor: Exe
 
 def test_a_run_may_return_while_events_wait_and_go_on_later(executor: Executor) -> None:
     story: list[int] = []
-    executor.do(lambda: (Pause(executor).wait(100), story.append(executor.now)))
+
+    def wait() -> None:
+        Pause(executor).wait(100)
+        story.append(executor.now)
+
+    executor.do(wait)
     executor.at(10, lambda: None)
     executor.run(nothing_left, 50)
     assert (story, executor.now) == ([], 50)

@@ -215,7 +215,7 @@ def test_the_hash_tells_runs_apart_and_the_lines_tell_why() -> None:
             "kind": "query",
             "values": {"task": "this"},
         },
-        {"ns": 5_000_000, "to": "calculator/Everything/work", "kind": "ok", "values": {"return": "this"}},
+        {"ns": 5_000_000, "to": "calculator/Everything/work", "kind": "ok", "values": {"ret": "this"}},
     ]
 
 

@@ -1,0 +1,250 @@
+"""`rcdeploy simulate`: run a network in virtual time, in one process."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from ..common import FINE, INTERRUPTED, USAGE, WRONG, complain
+from ..network import add_network, override_words
+from ..progress import Progress
+from .planning import planned
+from .up import seconds
+
+if TYPE_CHECKING:
+    from ...deploy.plan import Plan
+    from ...virtual.simulation import Simulation
+
+NAME = "simulate"
+HELP = "run a network in virtual time, in one process"
+
+_EXAMPLES = """\
+examples:
+  rcdeploy simulate net.ddsl --for 60                  one minute of virtual time, as fast as possible
+  rcdeploy simulate net.ddsl --until mission --for 60  ... until that instance ends; it is an error if it does not
+  rcdeploy simulate net.ddsl --for 60 --seed 7         ... with other random numbers (`self.random`)
+  rcdeploy simulate net.ddsl --for 60 --speed 1        ... as fast as the clock on the wall
+  rcdeploy simulate net.ddsl --for 60 --trace a.jsonl  ... and write every message: compare two runs with diff
+  rcdeploy simulate net.ddsl --for 60 --check          run twice, and name the first message that differs
+
+Equal runs have equal hashes. Ctrl-C ends a run as --for does.
+Exit status: 0 fine, 1 wrong input, a component failed, or runs differ, 2 usage, 130 Ctrl-C
+"""
+
+_SLICE = 0.25
+"""Virtual seconds between two looks at the clock on the wall."""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description, to.epilog = (
+        "Run the components of a network in this process. Time passes only when all have done what was due.",
+        _EXAMPLES,
+    )
+    add_network(to)
+    to.add_argument("--for", dest="duration", type=seconds, metavar="SECONDS", help="virtual seconds to run")
+    to.add_argument("--until", metavar="INSTANCE", help="end when this instance has ended")
+    to.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
+    to.add_argument(
+        "--speed",
+        type=_speed,
+        default=float("inf"),
+        metavar="FACTOR",
+        help="virtual seconds in a second (default: max)",
+    )
+    to.add_argument("--trace", type=Path, metavar="FILE", help="write each message as a line of JSON")
+    to.add_argument("--check", action="store_true", help="run twice, and name the first message that differs")
+    to.add_argument("--json", action="store_true", help="the result as JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.check:
+        return _check(options)
+    plan = planned(options, as_json=options.json)
+    return plan if isinstance(plan, int) else _simulate(plan, options)
+
+
+def _simulate(plan: Plan, options: argparse.Namespace) -> int:
+    from ...deploy.simulating import parts
+    from ...errors import ComponentError, DeploymentError
+    from ...spelling import unknown
+    from ...virtual.simulation import Simulation
+
+    with ExitStack() as stack:
+        try:
+            made = parts(plan)
+            names = [part.settings.instance for part in made]
+            if options.until and options.until not in names:
+                print(
+                    f"rcdeploy: --until {options.until}: {unknown('instance', options.until, names)}", file=sys.stderr
+                )
+                return USAGE
+            trace = _opened(stack, options.trace)
+            sim = Simulation(made, options.seed, trace.write if trace else None)
+        except (ComponentError, DeploymentError) as exc:
+            return complain(f"rcdeploy: {exc}")
+        except OSError as exc:
+            return complain(f"rcdeploy: --trace {options.trace}: {exc.strerror}")
+        _configure_logging(sim, names)
+        began, code = time.monotonic(), FINE
+        try:
+            with sim:
+                code = _run(sim, options)
+                took = time.monotonic() - began
+        except ComponentError as exc:
+            return complain(f"rcdeploy: {exc}")
+    _tell(plan.name, sim, took, as_json=options.json)
+    return code or (WRONG if sim.failed else FINE)
+
+
+def _opened(stack: ExitStack, path: Path | None) -> TextIO | None:
+    return stack.enter_context(path.open("w", encoding="utf-8")) if path else None
+
+
+def _run(sim: Simulation, options: argparse.Namespace) -> int:
+    """Run to the end; returns the exit code."""
+    limit, until = options.duration, options.until
+    began, threads = time.monotonic(), set[str]()
+    try:
+        with Progress("rcdeploy") as progress:
+            while (limit is None or sim.time < limit) and not (sim.over or sim.failed or _has_ended(sim, until)):
+                left = _SLICE if limit is None else min(_SLICE, limit - sim.time)
+                sim.run(until=lambda: _has_ended(sim, until), at_most=left)
+                progress.show(f"{sim.time:.0f} s{f' of {limit:g} s' if limit else ''}")
+                _warn_of_threads(sim, threads)
+                ahead = sim.time / options.speed - (time.monotonic() - began)
+                if ahead > 0:
+                    time.sleep(ahead)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    if until and not _has_ended(sim, until) and not sim.failed:
+        return complain(f"rcdeploy: {until} has not ended in {sim.time:g} s")
+    return FINE
+
+
+def _has_ended(sim: Simulation, instance: str | None) -> bool:
+    return instance is not None and sim[instance].is_over()
+
+
+def _warn_of_threads(sim: Simulation, told: set[str]) -> None:
+    for name in sim.foreign_threads():
+        if name not in told:
+            told.add(name)
+            print(
+                f"rcdeploy: warning: a component has started the thread `{name}`, which does not follow virtual time; "
+                "what it does differs from run to run",
+                file=sys.stderr,
+            )
+
+
+def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
+    factor = sim.time / took if took else float("inf")
+    if as_json:
+        result = {"seconds": sim.time, "took": took, "messages": sim.record.messages, "hash": sim.hash}
+        print(json.dumps(result | {"failed": sim.failed}))
+        return
+    print(f"{name}: {sim.time:.10g} s in {took:.2g} s, {factor:.3g} times as fast as real time")
+    print(f"{sim.record.messages} messages, hash {sim.hash}")
+
+
+# Logs.
+
+
+class _InVirtualTime(logging.Filter):
+    """Adds the virtual time to log records, and the instance that speaks."""
+
+    def __init__(self, sim: Simulation, names: list[str]) -> None:
+        super().__init__()
+        self._sim, self._names = sim, names
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        record.virtual = f"{self._sim.time:.3f}"
+        record.speaker = record.name if record.name in self._names else self._sim.acting or record.name
+        return True
+
+
+def _configure_logging(sim: Simulation, names: list[str]) -> None:
+    form = "%(virtual)9s %(speaker)s %(levelname)s: %(message)s"
+    logging.basicConfig(level=logging.INFO, format=form, stream=sys.stderr)
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(_InVirtualTime(sim, names))
+
+
+# Comparing two runs.
+
+
+def _check(options: argparse.Namespace) -> int:
+    """Run twice, in processes that order sets and dictionaries of strings differently, and compare all messages."""
+    if options.duration is None and options.until is None:
+        print("rcdeploy: --check needs --for or --until, so that both runs end", file=sys.stderr)
+        return USAGE
+    with tempfile.TemporaryDirectory(prefix="robocomp-simulate-") as folder:
+        first, second = options.trace or Path(folder, "first.jsonl"), Path(folder, "second.jsonl")
+        runs = [
+            subprocess.Popen(
+                _command(options, trace),
+                env={**os.environ, "PYTHONHASHSEED": seed},
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+            )
+            for trace, seed, log in zip((first, second), ("1", "2"), (None, subprocess.DEVNULL), strict=True)
+        ]
+        codes = [each.wait() for each in runs]
+        if any(codes):
+            return max(codes)
+        return _compare(first, second)
+
+
+def _command(options: argparse.Namespace, trace: Path) -> list[str]:
+    words = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", NAME, str(options.network), *override_words(options)]
+    words += ["--seed", str(options.seed), "--speed", str(options.speed), "--trace", str(trace)]
+    words += ["--for", str(options.duration)] if options.duration is not None else []
+    return [*words, *(("--until", options.until) if options.until else ())]
+
+
+def _compare(first: Path, second: Path) -> int:
+    number = 0
+    with first.open(encoding="utf-8") as one, second.open(encoding="utf-8") as other:
+        for number, (line, differing) in enumerate(zip_longest(one, other, fillvalue=""), 1):
+            if line != differing:
+                print(f"the runs differ from message {number} on:\n  {line.strip() or 'nothing'}")
+                print(f"  {differing.strip() or 'nothing'}")
+                print(f"{_sender(line or differing)} depends on something that is not part of the simulation: the time "
+                      "of day, random numbers of its own, a thread, or the order of a set")  # fmt: skip
+                return WRONG
+    print(f"both runs said the same: {number} messages")
+    return FINE
+
+
+def _sender(line: str) -> str:
+    said = json.loads(line)
+    return str(said.get("from") or said["to"].rsplit("/", 2)[0])
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"`{text}` is not a seed; give it a number such as 0 or 42")
+    return int(text)
+
+
+def _speed(text: str) -> float:
+    if text == "max":
+        return float("inf")
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not value > 0:
+        raise argparse.ArgumentTypeError(
+            f"`{text}` is not a speed; write 1 for real time, 10 for ten times that, or max"
+        )
+    return value
