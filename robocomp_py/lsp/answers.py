@@ -65,7 +65,7 @@ _SEVERITIES = {
 }
 
 _UNSHOWN = (Kind.ARGUMENT, Kind.CHOICE)
-"""What an outline leaves out: it is on the line of what it belongs to."""
+"""Kinds that an outline omits: they are on the line of their owner."""
 
 _MOST_SYMBOLS = 500
 
@@ -115,7 +115,7 @@ def _document_symbol(symbol: Symbol, places: Places) -> lsp.DocumentSymbol:
 
 
 def workspace_symbols(index: Index, query: str, places: Places) -> list[lsp.WorkspaceSymbol]:
-    """Those whose names have the letters of the query in them, in order."""
+    """The symbols whose names contain the letters of the query in this order."""
     found = []
     for each in index.symbols():
         if each.kind not in _UNSHOWN and _fits(query.lower(), each.name.text.lower()):
@@ -164,7 +164,7 @@ def workspace_edit(
     versions: dict[str, int | None] | None,
     why: lsp.ChangeAnnotation | None = None,
 ) -> lsp.WorkspaceEdit:
-    """With `versions`, a change of documents as they are now; `why` is shown by editors that let them be looked at."""
+    """With `versions`, a change of documents in these versions; `why` is shown by editors with a preview of changes."""
     files = by_file(edits)
     if versions is None:
         return lsp.WorkspaceEdit({places.uri(path): text_edits(some, places) for path, some in files.items()})
@@ -180,7 +180,7 @@ def workspace_edit(
 
 
 def told(renaming: Renaming) -> str:
-    """What is left to be done by hand; nothing if nothing is."""
+    """The changes left to the user; "" if there are none."""
     mentions = [str(each) for each in renaming.mentions]
     more = [f"and {len(mentions) - _MOST_TOLD} more"] if len(mentions) > _MOST_TOLD else []
     return "\n".join(["Still to be changed by hand:", *mentions[:_MOST_TOLD], *more]) if mentions else ""
@@ -206,7 +206,7 @@ def by_lines(before: str, after: str, places_of: Places, path: Path) -> list[lsp
 
 
 def _stretches(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Lines that belong together, from one to before another: behind each there are as many letters in both texts.
+    """Ranges of corresponding lines: at the end of each, both texts have the same number of letters.
 
     In time proportional to their number; to look for equal lines, as difflib does, takes minutes for some thousands.
     """
@@ -219,7 +219,7 @@ def _stretches(old: Sequence[str], new: Sequence[str]) -> Iterator[tuple[tuple[i
 
 
 def _line_ends(lines: Sequence[str]) -> dict[int, int]:
-    """How many lines it takes to have so many letters and digits."""
+    """For each number of letters and digits so far, the number of lines."""
     found: dict[int, int] = {}
     for number, letters in enumerate(accumulate(sum(map(str.isalnum, line)) for line in lines), start=1):
         found.setdefault(letters, number)

@@ -1,6 +1,6 @@
-"""What is wrong with an open file.
+"""Errors, warnings and hints of an open file.
 
-Besides what `rc lint` tells there are hints: imports that bring nothing, and imports with mistakes of their own.
+In addition to `rc lint` there are hints about unused imports and about imports with errors.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ def complaints(project: Project, path: Path) -> list[Diagnostic]:
     if elsewhere:
         own += _broken_imports(Index(project), path, elsewhere)
     if any(each.severity is Severity.ERROR for each in found):
-        return own  # what uses an import may be what is wrong
+        return own  # an error may hide the use of an import
     return [*own, *_unused_imports(Index(project), path)]
 
 
 def _concerns(path: Path, complaint: Diagnostic) -> bool:
-    """Whether a complaint about another file, a component's Python, belongs to a place in this one."""
+    """Whether a diagnostic of another file, a component's Python, belongs to a place in this one."""
     return complaint.span.source.path != path and any(span.source.path == path for _, span in complaint.related)
 
 
 def _seen_from(path: Path, complaint: Diagnostic) -> Diagnostic:
-    """A complaint about another file, told at the place in this one that it belongs to."""
+    """A diagnostic of another file, moved to the place in this one that it belongs to."""
     [here, *_] = [span for _, span in complaint.related if span.source.path == path]
     related = (("told of this", complaint.span), *(each for each in complaint.related if each[1] != here))
     return replace(complaint, span=here, related=related)
@@ -53,7 +53,7 @@ def _places(complaint: Diagnostic) -> list[Span]:
 
 
 def _broken_imports(index: Index, path: Path, errors: list[Diagnostic]) -> Iterator[Diagnostic]:
-    """One for each file that is named and has mistakes, or imports one that has: its names may be missing here."""
+    """A hint for each import that has errors, directly or in its own imports: its names may be missing here."""
     made = index.outline(path)
     for link in made.links if made else ():
         target = index.target(link)

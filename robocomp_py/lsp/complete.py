@@ -1,6 +1,6 @@
-"""What can be written at a place. Keywords are what the grammar lets come there; names are those that make sense.
+"""Completion: keywords that the grammar allows at a place, and names that make sense there.
 
-The text in front of the place is looked at word by word, since while it is written it is seldom right as a whole.
+The text before the place is read word by word, because a text that is being written is rarely valid.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ from .outline import VALUE_TYPES, Kind, Symbol
 from .project import real
 
 _MOST_FILES = 200
-"""Files that are looked into for what could be imported."""
+"""The most files that are searched for definitions that could be imported."""
 
 _WORDS = re.compile(r'"[^"\n]*"?|\w+|::|\S')
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Something that can be written. `kind` is a symbol's, or `keyword`, `word`, `file`."""
+    """A proposal. `kind` is that of a symbol, or `keyword`, `word`, `file`."""
 
     label: str
     kind: str
     detail: str = ""
     doc: str = ""
     text: str = ""
-    """What is written, if not the label."""
+    """The inserted text, if it is not the label."""
     also: tuple[Edit, ...] = ()
-    """What else is to be done."""
+    """Further changes, such as an import."""
     rank: int = 1
-    """The smaller, the likelier."""
+    """Smaller is more likely."""
     over: Span | None = None
-    """What it stands in for, if that is not just the word that has been begun."""
+    """The text that it replaces, if that is not just the word before the cursor."""
 
 
 @dataclass
 class _Block:
-    """A block that is open, by the words in front of its brace, and the statement that is written in it."""
+    """An open block: the words before its brace, and those of its unfinished statement."""
 
     head: list[str]
     words: list[str] = field(default_factory=list)
@@ -79,7 +79,7 @@ class _Place:
 
     @property
     def words(self) -> list[str]:
-        """Of the statement, in front of the one that is being written; without `[records]`."""
+        """The words of the statement up to the cursor; without `[records]`."""
         words = self.blocks[-1].words
         at = next((place for place in range(len(words)) if words[place : place + 3] == _RECORDS), None)
         return words if at is None else words[:at] + words[at + 3 :]
@@ -99,7 +99,7 @@ class _Place:
 
 
 def complete(index: Index, path: Path, text: str, offset: int) -> list[Candidate]:
-    """All that can be written at an offset, where perhaps a word has been begun."""
+    """All proposals at an offset, which may be within a word."""
     before = re.sub(r"\w*$", "", text[:offset])
     comments = find_comments(Source(path, text[:offset]))
     if comments.spans and comments.spans[-1].end == offset and not comments.spans[-1].text.endswith("*/"):
@@ -137,7 +137,7 @@ def _blocks(text: str) -> list[_Block]:
 
 
 def _files(place: _Place) -> Iterator[Candidate]:
-    """Those that a text in quotes may name."""
+    """The files that a text in quotes may name."""
     word = place.last.lower()
     endings = {"params": (".pdsl",), "statemachine": (".smdsl", ".scxml"), "config": (".toml",)}
     if word == "import":
@@ -156,7 +156,7 @@ def _importable(place: _Place) -> Iterator[Candidate]:
 
 
 def _importable_files(place: _Place, ending: str) -> dict[str, Path]:
-    """How files are imported: by their names alone if these find them, else, those of the project, by their paths."""
+    """The forms of imports: names that are found on the search path, and paths of other files of the project."""
     found: dict[str, Path] = {}
     for folder in place.index.search_path(place.path):
         for path in sorted(folder.glob(f"*{ending}")):
@@ -207,7 +207,7 @@ def _in_idsl(place: _Place) -> Iterator[Candidate]:
 
 
 def _wanted_in_idsl(place: _Place) -> tuple[Kind, ...]:
-    """The kinds of names that can come."""
+    """The kinds of names that can come next."""
     words, first = place.words, place.first
     if words and words[-1] == "::":
         words = words[:-2]
@@ -256,7 +256,7 @@ def _in_cdsl(place: _Place) -> Iterator[Candidate]:
 
 
 def _open_call(words: list[str]) -> str:
-    """The word in front of a parenthesis that is not closed."""
+    """The word before an open parenthesis."""
     depth = 0
     for at in range(len(words) - 1, -1, -1):
         depth += {")": 1, "(": -1}.get(words[at], 0)
@@ -270,7 +270,7 @@ def _words_of_qos(last: str) -> Iterator[Candidate]:
 
 
 def _interfaces(place: _Place) -> Iterator[Candidate]:
-    """Those that are imported, then those that could be; a file that could be imported is not read for it."""
+    """Imported interfaces, then those that could be imported, whose files are not read."""
     seen = set()
     for each in _of(place.index.visible(place.path), Kind.INTERFACE):
         seen.add(each.name.text)
@@ -284,7 +284,7 @@ def _interfaces(place: _Place) -> Iterator[Candidate]:
 
 
 def _interfaces_of(place: _Place, path: Path) -> list[str]:
-    """Of files of the project, what they define; of others, what they are called."""
+    """The interfaces in a file of the project; for other files, a name derived from the file's."""
     if not place.index.project.owns(path):
         return [path.stem]
     made = place.index.outline(path)
@@ -324,7 +324,7 @@ _TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)
 
 
 def _wireable(place: _Place, verb: str, symbols: list[Symbol]) -> Iterator[Candidate]:
-    """The interfaces that the component of this instance names behind a verb."""
+    """The interfaces that the component of this instance uses with a verb."""
     head = place.blocks[-1].head
     kind = (head[3] if head[2:3] == [":"] and len(head) > 3 else head[1] if len(head) > 1 else "").lower()
     for component in _of(symbols, Kind.COMPONENT):
@@ -336,7 +336,7 @@ def _wireable(place: _Place, verb: str, symbols: list[Symbol]) -> Iterator[Candi
 
 
 def _providers(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
-    """Instances; first those whose component offers what is asked for."""
+    """Instances; first those whose component provides the interface."""
     verb = "implements" if place.first == "requires" else "publishes"
     interface = place.words[1].rstrip("0123456789") if len(place.words) > 2 else ""
     components = _of(symbols, Kind.COMPONENT)
@@ -357,7 +357,7 @@ def _instances(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
 
 
 def _in_pdsl(place: _Place) -> Iterator[Candidate]:
-    """The choices, for the default that stands in front of them."""
+    """The choices of a parameter, for its default."""
     if place.last == "enum":
         behind = re.match(r"\w*\s*\{([^{}]*)\}", place.source.text[place.offset :])
         for choice in re.findall(r'"[^"\n]*"|[\w.+-]+', behind[1]) if behind else ():

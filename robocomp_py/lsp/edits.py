@@ -14,7 +14,7 @@ _IMPORT = re.compile(r'\bimport\s*"[^"\n]*"\s*;?', re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """What is to stand in the place of a span."""
+    """A new text for a span."""
 
     span: Span
     text: str
@@ -25,14 +25,14 @@ def insert(source: Source, at: int, text: str) -> Edit:
 
 
 def apply(text: str, edits: Iterable[Edit]) -> str:
-    """The text with all of them made; they must not overlap."""
+    """The text after these edits, which must not overlap."""
     for each in sorted(edits, key=lambda edit: edit.span.start, reverse=True):
         text = text[: each.span.start] + each.text + text[each.span.end :]
     return text
 
 
 def add_import(source: Source, name: str) -> Edit:
-    """An import more: below the others, else above everything but the comments at the top."""
+    """Add an import: below the others, or else above everything except the comments at the top."""
     bare = find_comments(source).bare
     end = "\r\n" if "\r\n" in source.text else "\n"
     imports = list(_IMPORT.finditer(bare))
@@ -43,7 +43,7 @@ def add_import(source: Source, name: str) -> Edit:
 
 
 def whole_lines(span: Span) -> Span:
-    """The lines a span is on, if nothing else is; else the span itself."""
+    """The lines of a span, if they hold nothing else; otherwise the span itself."""
     text = span.source.text
     start = text.rfind("\n", 0, span.start) + 1
     end = text.find("\n", span.end)

@@ -1,6 +1,6 @@
-"""Each question of an editor, and how it is answered.
+"""The requests of an editor, and how they are answered.
 
-A place at which there is nothing, or of a file that is none of ours, is answered by nothing.
+For a place without a symbol, or in a file of another format, the answer is empty.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _START = lsp.Position(0, 0)
 
 @dataclass(frozen=True)
 class _At:
-    """Where a question is about."""
+    """The place that a request is about."""
 
     path: Path
     text: str
@@ -52,7 +52,7 @@ def _at(server: Server, uri: str, position: lsp.Position = _START) -> _At | None
     return _At(path, text, places.offset(path, position), Index(server.project), places)
 
 
-# What is there.
+# Reading.
 
 
 def _hover(server: Server, params: lsp.HoverParams) -> lsp.Hover | None:
@@ -120,7 +120,7 @@ def _semantic_tokens(server: Server, params: lsp.SemanticTokensParams) -> lsp.Se
     return answers.semantic_tokens(colours(at.index, at.path, at.text) if at else (), server.places)
 
 
-# What can be changed.
+# Changing.
 
 
 def _prepare_rename(server: Server, params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
@@ -161,13 +161,13 @@ def _code_actions(server: Server, params: lsp.CodeActionParams) -> list[lsp.Code
 
 
 def _wants_fixes(only: Sequence[str] | None) -> bool:
-    """Kinds are asked for by their beginnings; the empty one is all."""
+    """Whether an editor asks for fixes. It asks by prefixes of kinds; the empty prefix means all."""
     wanted = [str(getattr(each, "value", each)) for each in only] if only else [""]
     return any(lsp.CodeActionKind.QuickFix.value.startswith(each) for each in wanted)
 
 
 def _formatting(server: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
-    """Nothing of a file whose syntax is wrong: its diagnostics say so."""
+    """No change for a file with syntax errors, which its diagnostics show."""
     at = _at(server, params.text_document.uri)
     if at is None:
         return None
@@ -176,7 +176,7 @@ def _formatting(server: Server, params: lsp.DocumentFormattingParams) -> list[ls
     except DslError:
         return None
     if "\r\n" in at.text:
-        formatted = formatted.replace("\n", "\r\n")  # how lines end is the editor's to say
+        formatted = formatted.replace("\n", "\r\n")  # the editor decides how lines end
     return answers.by_lines(at.text, formatted, at.places, at.path)
 
 

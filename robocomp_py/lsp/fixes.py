@@ -1,6 +1,6 @@
-"""What can be done about a diagnostic, as far as it says what is right.
+"""Quick fixes: changes that the hint of a diagnostic describes.
 
-A hint is written for people, in a few set phrases; each of those that name a change is carried out here.
+Hints are written for people, in a few fixed phrases. This module carries out those that name a change.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from .project import real
 
 @dataclass(frozen=True)
 class Fix:
-    """A change that takes a diagnostic away, in words and in deed."""
+    """A change that resolves a diagnostic, with its title."""
 
     title: str
     edits: tuple[Edit, ...]
 
 
 def fixes(diagnostic: Diagnostic, index: Index) -> list[Fix]:
-    """All that can be offered; the likeliest comes first."""
+    """All fixes; the likeliest comes first."""
     found: list[Fix] = []
     for phrase, carry_out in _PHRASES.items():
         matched = re.search(phrase, diagnostic.hint)
@@ -42,7 +42,7 @@ Carried = Iterator[Fix]
 
 
 def _replace_by_meant(diagnostic: Diagnostic, found: re.Match[str], index: Index) -> Carried:
-    """The word that was meant: for the last part of a path, if that is what is wrong."""
+    """Replace a word by the one that was meant; of a path, only its last part if only that is wrong."""
     meant, given = found[1], diagnostic.span.text
     if diagnostic.code in ("missing-import", "missing-file") and "/" not in meant:
         path = PurePosixPath(given.replace("\\", "/"))
@@ -159,7 +159,7 @@ _PHRASES: dict[str, Callable[[Diagnostic, re.Match[str], Index], Carried]] = {
     r"^the smaller one comes first$": _swap,
     r"^write `([^`]+)` for it, or `([^`]+)` for the other one$": _write_whole,
 }
-"""What hints say, and how it is done."""
+"""Patterns of hints, and the functions that carry them out."""
 
 _PLAIN = {**dict.fromkeys("“”„«»", '"'), **dict.fromkeys("‘’‚", "'"), "\N{NO-BREAK SPACE}": " "}
 

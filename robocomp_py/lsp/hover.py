@@ -20,7 +20,7 @@ _MOST_LINES = 24
 _MOST_FILES = 8
 
 _WHOLE = (Kind.STRUCT, Kind.ENUM, Kind.EXCEPTION, Kind.INTERFACE, Kind.SEQUENCE, Kind.DICTIONARY, Kind.CONST, Kind.HOST)
-"""What is shown as its file has it."""
+"""Kinds that are shown with the text of their files."""
 
 
 def hover(index: Index, path: Path, offset: int, text: str) -> str:

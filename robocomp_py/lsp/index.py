@@ -1,4 +1,4 @@
-"""From words to what they name, and back, across files. Made afresh for every question; files are read as needed."""
+"""Maps words to the definitions that they name, and back, across files. Made for each request."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .project import Project, real
 
 _COMMON = SHIPPED / "CommonBehavior.idsl"
 _ANY_CASE = (Kind.COMPONENT,)
-"""What is called by its name in any case."""
+"""Kinds whose names ignore case."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A word, and what it names; of a use, how it names it."""
+    """A word and the symbol that it names, and its use if it is not the definition."""
 
     name: Name
     symbols: tuple[Symbol, ...]
@@ -36,7 +36,7 @@ class Index:
         self._targets: dict[Link, Path | None] = {}
 
     def outline(self, path: Path) -> Outline | None:
-        """What a file defines and uses; None if nothing can be made of it."""
+        """What a file defines and uses; None if it cannot be read."""
         key = real(path)
         if key not in self._outlines:
             model = self._workspace.model(path)
@@ -46,7 +46,7 @@ class Index:
         return self._outlines[key]
 
     def target(self, link: Link) -> Path | None:
-        """The file that a link leads to, if it is there."""
+        """The file that a link leads to, if it exists."""
         if link not in self._targets:
             self._targets[link] = self._find_target(link)
         return self._targets[link]
@@ -67,7 +67,7 @@ class Index:
     # What a file sees.
 
     def visible(self, path: Path) -> Iterator[Symbol]:
-        """All that can be named in a file: of itself, and of what it imports, however indirectly."""
+        """All symbols that can be named in a file: its own, and those of its direct and indirect imports."""
         for symbols in self._seen_from(path).values():
             yield from symbols
 
@@ -83,7 +83,7 @@ class Index:
         return self._visible[key]
 
     def closure(self, path: Path) -> list[Outline]:
-        """A file, and those it imports, however indirectly."""
+        """A file, and its direct and indirect imports."""
         key = real(path)
         if key not in self._closures:
             self._closures[key] = self._close(path)
@@ -104,7 +104,7 @@ class Index:
         return list(done.values())
 
     def files_that_need(self, home: Path) -> list[Path]:
-        """The models of components of the project that need a file, however indirectly."""
+        """The component models of the project that need a file directly or indirectly."""
         found: dict[Path, None] = {}
         for path in self.project.files():
             made = self.outline(path) if path.suffix.lower() == ".cdsl" else None
@@ -115,7 +115,7 @@ class Index:
         return list(found)
 
     def resolve(self, use: Use) -> list[Symbol]:
-        """What a use may stand for; several only if the file is wrong."""
+        """The symbols that a use may name; several only if the file has errors."""
         seen = self._seen_from(use.name.span.source.path).get(use.name.text.lower(), [])
         return [
             each
@@ -138,7 +138,7 @@ class Index:
         return named[0] if named else None
 
     def elsewhere(self, path: Path, offset: int) -> list[Symbol]:
-        """What the word at a place stands for; of one that both defines and uses something, what it uses."""
+        """The symbols that the word at a place names; for a word that defines one and uses another, the used one."""
         made = self.outline(path)
         used = [each for each in made.uses if _touches(each.name.span, offset)] if made else []
         symbols = [symbol for use in used for symbol in self.resolve(use)]
@@ -146,7 +146,7 @@ class Index:
         return symbols or (list(found.symbols) if found else [])
 
     def occurrences(self, path: Path, symbols: Collection[Symbol]) -> list[Span]:
-        """Where a file names any of these."""
+        """The places where a file names any of these."""
         made = self.outline(path)
         if made is None:
             return []
@@ -161,7 +161,7 @@ class Index:
     # Everywhere.
 
     def uses_of(self, symbol: Symbol) -> list[Use]:
-        """Where something is used, in all files of the project."""
+        """The uses of a symbol in all files of the project."""
         word = symbol.name.text.lower()
         found = []
         for path in self.project.files():
@@ -173,19 +173,19 @@ class Index:
         return found
 
     def seeing(self, symbol: Symbol) -> list[Path]:
-        """The files that import the one something is defined in, and that one."""
+        """The file that defines a symbol, and the files that import it."""
         home = real(symbol.name.span.source.path)
         return [each for each in self.project.files() if any(real(o.source.path) == home for o in self.closure(each))]
 
     def symbols(self) -> Iterator[Symbol]:
-        """All that the files of the project define."""
+        """All symbols that the files of the project define."""
         for path in self.project.files():
             made = self.outline(path)
             if made:
                 yield from made.walk()
 
     def unused_imports(self, path: Path) -> list[Link]:
-        """Imports of interfaces and components that bring nothing that the file names."""
+        """Imports of interfaces and components of which the file uses no definition."""
         made = self.outline(path)
         if made is None or path.suffix.lower() == ".pdsl":
             return []
@@ -194,7 +194,7 @@ class Index:
         return [link for link, target in imports if target and not self._brings(target, named)]
 
     def _brings(self, path: Path, named: set[tuple[str | None, str]]) -> bool:
-        """Whether a file, or one that it imports, defines any of these: names, with what they are in if it matters."""
+        """Whether a file, or one that it imports, defines any of these names, within a given owner if one is given."""
         symbols = (symbol for each in self.closure(path) for symbol in each.walk())
         return any(
             {(symbol.within, name), (None, name)} & named for symbol in symbols if (name := symbol.name.text.lower())

@@ -1,7 +1,7 @@
-"""What a model defines and what it uses, for all the languages in one form.
+"""What a model defines and what it uses, in one form for all languages.
 
-A use is a word that names something defined elsewhere, perhaps in another file. What it stands for is
-said by what it may be (`kinds`) and where that is defined (`within`, if it matters): `index` finds it.
+A use is a word that names something defined elsewhere, perhaps in another file. `index` finds the definition
+by its possible `kinds` and, if it matters, by its owner (`within`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Model = idsl.File | Component | pdsl.File | Deployment | smdsl.File
 
 
 class Kind(StrEnum):
-    """What something that has a name is, in words for people."""
+    """The kind of a named thing, as shown to people."""
 
     MODULE = "module"
     STRUCT = "struct"
@@ -66,7 +66,7 @@ class Symbol:
     """All of its definition."""
     doc: str = field(default="", compare=False)
     detail: str = field(default="", compare=False)
-    """What more there is to say on a line: a type, a signature."""
+    """A type or a signature, to be shown on the same line."""
     children: tuple[Symbol, ...] = field(default=(), compare=False)
 
     @property
@@ -81,7 +81,7 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """A word that names something. `implied`: it says a name only because it has the same; see `rename`."""
+    """A word that names something. `implied`: only because it has the same name; see `rename`."""
 
     name: Name
     kinds: tuple[Kind, ...]
@@ -91,7 +91,7 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A file that is named. `ending` is of an import, which is searched for; else it is beside the file."""
+    """A named file. An import has an `ending` and is searched for; other files are beside the model."""
 
     name: Name
     ending: str = ""
@@ -363,7 +363,7 @@ def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
 
 
 def _uses_of_whole(name: Name, within: str) -> Iterator[Use]:
-    """Each part that is written of the name of an instance: systems, and itself."""
+    """The uses in a written instance name: its systems and the instance itself."""
     path = name.text.split("/")
     written = list(re.finditer(r"\w+", name.span.text))
     for number, found in enumerate(written, len(path) - len(written)):

@@ -1,4 +1,4 @@
-"""Spans as the editor names them: a URI, and a range in the text that it has."""
+"""Spans in the editor's terms: a URI, and a range in the editor's text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .project import Project, real
 
 
 class Places:
-    """For one question: it keeps the lines of the texts it has seen."""
+    """Used for one request: it caches the lines of texts."""
 
     def __init__(self, project: Project, encoding: PositionEncodingKind | str) -> None:
         self._project, self._encoding = project, encoding
@@ -36,12 +36,12 @@ class Places:
         return Location(self.uri(span.source.path), self.range(span))
 
     def uri(self, path: Path) -> str:
-        """As the editor calls it, if it has it open."""
+        """The URI of a file; that of the editor if the file is open."""
         buffer = self._project.buffer(path)
         return buffer.uri if buffer and buffer.uri else from_fs_path(os.path.abspath(path)) or ""
 
 
 def path_of(uri: str) -> Path | None:
-    """The file that a URI names; None if it is none."""
+    """The file that a URI names; None if it names no file."""
     found = to_fs_path(uri)
     return Path(found) if found and "\0" not in found else None

@@ -1,7 +1,7 @@
-"""Offsets of ours, lines and columns of editors: theirs count from 0, and columns in UTF-16 unless agreed otherwise.
+"""Converts our offsets to lines and columns of editors, which count from 0, in UTF-16 unless agreed otherwise.
 
-They end lines at `\\n`, `\\r\\n` and `\\r`; and where a text begins with a byte order mark, they count that, too,
-while our sources come without.
+Editors end lines at `\\n`, `\\r\\n` and `\\r`. They count a byte order mark at the beginning of a text, which our
+sources do not contain.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 class Positions:
-    """Both directions, for one text as the editor has it."""
+    """Both directions, for one text of the editor."""
 
     def __init__(self, text: str, encoding: PositionEncodingKind | str = PositionEncodingKind.Utf16) -> None:
         self._shown = text
@@ -38,7 +38,7 @@ class Positions:
         return Range(self.position(start), self.position(end))
 
     def offset(self, position: Position) -> int:
-        """Where that is; behind the end of a line it is the line's end, behind the last line the text's."""
+        """The offset of a position; one beyond the end of a line or text means that end."""
         if position.line >= len(self._starts):
             return len(self._shown) - self._shift
         start = self._starts[position.line]

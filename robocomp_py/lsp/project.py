@@ -1,6 +1,6 @@
-"""What the editor has open, and the files around it: read, checked, found.
+"""The files that the editor has open, and the files around them: reads, checks and finds them.
 
-Every check is a workspace of its own, on one memory: what did not change is not parsed again.
+Every check uses a new workspace with a shared memory, so that unchanged files are not parsed again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .outline import Outline
 BOM = "\ufeff"
 
 MAX_FILES = 5000
-"""Models that are looked for in the folders of a project."""
+"""The most models that are searched for in the folders of a project."""
 
 MAX_FOLDERS = 20_000
 
@@ -36,7 +36,7 @@ M = TypeVar("M")
 
 @dataclass
 class Buffer:
-    """A file as the editor has it, and calls it."""
+    """A file with the editor's text and URI."""
 
     path: Path
     text: str
@@ -54,16 +54,16 @@ class Project:
         self._middlewares = list(installed.transports())
         self._scanned: dict[str, Path] | None = None
         self.last_outlines: dict[str, Outline] = {}
-        """What files defined when they could be read the last time: what can be named while one is written."""
+        """The last readable outlines of files: names that can be completed while a file has errors."""
         self._used: dict[str, set[str]] = {}
-        """What was read, or looked for in vain, to check an open file."""
+        """The files that were read, or searched for without success, to check an open file."""
 
     # Open files.
 
     def open(self, path: Path, text: str, version: int | None = None, uri: str = "") -> None:
-        """An editor opened a file, or changed what it has."""
+        """The editor opened a file, or changed its text."""
         if not self.folders and real(path) not in self._buffers:
-            self._scanned = None  # what is beside it belongs to the project now
+            self._scanned = None  # the files beside it belong to the project now
         self._buffers[real(path)] = Buffer(path, text, version, uri)
 
     def close(self, path: Path) -> None:
@@ -79,7 +79,7 @@ class Project:
 
     @property
     def versions(self) -> dict[str, int | None]:
-        """Of what is open, by its real name."""
+        """The versions of open files, by their real names."""
         return {key: each.version for key, each in self._buffers.items()}
 
     def forget_disk(self) -> None:
@@ -90,12 +90,12 @@ class Project:
     # Reading.
 
     def read(self, path: Path) -> bytes:
-        """A file's bytes: what the editor has, else what the disk has."""
+        """A file's bytes: those of the editor if it is open, otherwise those of the disk."""
         buffer = self._buffers.get(real(path))
         return buffer.text.encode("utf-8", "replace") if buffer else read_file(path)
 
     def text(self, path: Path) -> str:
-        """A file as an editor shows it; nothing if it cannot be read."""
+        """The text of a file as an editor shows it; "" if it cannot be read."""
         buffer = self.buffer(path)
         if buffer:
             return buffer.text
@@ -106,11 +106,11 @@ class Project:
         return Workspace(self.include, self.read, self._middlewares, self._memory)
 
     def remembered(self, make: Callable[[G], M], path: Path, given: G) -> M:
-        """What `make` comes to for a file's model, made once for each."""
+        """The result of `make` for a file's model, computed once for each."""
         return self._memory.recall((make, path), given, lambda report: make(given), Report())
 
     def with_texts(self, texts: Iterable[tuple[Path, str]]) -> Project:
-        """This project as it would be with other texts."""
+        """A copy of this project with other texts."""
         other = Project(self.folders, self.include)
         other._buffers = dict(self._buffers)
         other._scanned = self._scanned
@@ -122,7 +122,7 @@ class Project:
     # Checking.
 
     def check(self, path: Path) -> list[Diagnostic]:
-        """What is wrong with a file and with what it imports, as `rc lint` would tell it."""
+        """The diagnostics of a file and its imports, like those of `rc lint`."""
         used: set[str] = set()
 
         def read(asked: Path) -> bytes:
@@ -136,7 +136,7 @@ class Project:
         return ordered(report.diagnostics)
 
     def dependents(self, path: Path) -> list[Path]:
-        """The other open files to which it matters what is in this one."""
+        """The other open files that depend on this one."""
         changed = real(path)
         found = (self._buffers[each] for each, used in self._used.items() if changed in used and each != changed)
         return [buffer.path for buffer in found]
@@ -144,7 +144,7 @@ class Project:
     # Finding.
 
     def files(self) -> list[Path]:
-        """Every model of the project: in its folders, or beside what is open; the open ones first."""
+        """Every model of the project: in its folders, or beside an open file; open ones come first."""
         if self._scanned is None:
             folders = self.folders or sorted({each.parent for each in self.opened})
             found = islice(_scan(folders, deep=bool(self.folders)), MAX_FILES)
@@ -160,12 +160,12 @@ class Project:
 
 @lru_cache(maxsize=4 * MAX_FILES)
 def real(path: Path) -> str:
-    """One name for a file, whatever it is called."""
+    """One name for a file, for all paths that lead to it."""
     return os.path.realpath(path)
 
 
 def without_mark(text: str) -> str:
-    """A text as our sources hold it."""
+    """A text without a byte order mark."""
     return text.removeprefix(BOM)
 
 
@@ -180,7 +180,7 @@ def _checked(path: Path, workspace: Workspace) -> Report:
             check_component(path, workspace)
         case ending if ending in ENDINGS or ending == ".scxml":
             workspace.check(path)
-        case _:  # no file of ours: some editors send every file of a folder
+        case _:  # another format: some editors send every file of a folder
             if path.name.lower().startswith("config"):
                 _check_configuration(path, workspace)
     return workspace.report
@@ -196,7 +196,7 @@ def _check_network(path: Path, workspace: Workspace) -> Report:
 
 
 def _check_configuration(path: Path, workspace: Workspace) -> None:
-    """Check a configuration. Nothing is said about one beside which there is no component, as `pyproject.toml`."""
+    """Check a configuration. A file without a component beside it, such as `pyproject.toml`, is not checked."""
     from ..deploy.configuration import check_configuration, is_configuration, model_beside
 
     if is_configuration(path) and model_beside(path):

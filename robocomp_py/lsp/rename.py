@@ -1,4 +1,4 @@
-"""A name changed wherever the project's models have it; what Python code has it is told, and left alone."""
+"""Changes a name everywhere in the project's models. Uses in Python code are reported, but not changed."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _WORDS_OF_IDSL = {"void", "sequence", "out", "idempotent", *BUILTIN}
 
 _LATER = "config"
-"""So begin the codes of complaints about what is to be changed by hand afterwards."""
+"""Prefixes of the codes of diagnostics that the user has to resolve afterwards."""
 
 _TAKEN = "shadowed-name"
-"""The code of a warning that a name means something else than before."""
+"""The code of the warning that a name now means something else."""
 
 _MOST_CODE = 50
-"""Python files of one component that are looked at."""
+"""The most Python files of one component that are searched."""
 
 
 class CannotRename(ValueError):
-    """Why something cannot be called so."""
+    """A rename is impossible; the message says why."""
 
 
 @dataclass(frozen=True)
 class Mention:
-    """A place in other files that has the old name: to be changed by hand."""
+    """A place in another file with the old name, which the user has to change."""
 
     word: str
     path: Path
@@ -73,7 +73,7 @@ def can_be_renamed(symbol: Symbol) -> bool:
 
 
 def renamed_at(index: Index, path: Path, offset: int) -> Found | None:
-    """What a rename at a place would be about; None if nothing there can be renamed."""
+    """The word at a place that can be renamed; None if there is none."""
     found = index.at(path, offset)
     if found is None or len(found.symbols) != 1 or found.symbols[0].kind not in _RENAMED:
         return None
@@ -81,7 +81,7 @@ def renamed_at(index: Index, path: Path, offset: int) -> Found | None:
 
 
 def rename(index: Index, path: Path, offset: int, new: str) -> Renaming:
-    """Every change; raises CannotRename if it cannot be."""
+    """All changes of a rename. Raises CannotRename."""
     found = renamed_at(index, path, offset)
     if found is None:
         raise CannotRename("nothing here can be renamed")
@@ -117,7 +117,7 @@ def _edits(index: Index, symbol: Symbol, new: str) -> Iterator[Edit]:
     implied = [use for use in home.uses if use.implied and use.name.span == symbol.name.span] if home else []
     yield Edit(symbol.name.span, f"{new} : {symbol.name}" if implied and symbol.kind is Kind.INSTANCE else new)
     for use in index.uses_of(symbol):
-        if use.implied:  # the instance keeps its name, and now says of what it is one
+        if use.implied:  # the instance keeps its name, and now names its component
             yield Edit(use.name.span.source.span(use.name.span.end, use.name.span.end), f" : {new}")
         elif use.name.span != symbol.name.span:
             yield Edit(use.name.span, new)
@@ -132,7 +132,7 @@ def by_file(edits: Iterable[Edit]) -> dict[Path, list[Edit]]:
 
 
 def _check_outcome(index: Index, symbol: Symbol, new: str, edits: tuple[Edit, ...]) -> None:
-    """Refuse what would make a mistake that is not there now."""
+    """Refuse changes that cause a new error."""
     changed = by_file(edits)
     texts = [(path, apply(without_mark(index.project.text(path)), some)) for path, some in changed.items()]
     concerned = {real(path): path for path in (*changed, *index.seeing(symbol))}
@@ -173,7 +173,7 @@ def _code_in(folder: Path) -> list[Path]:
 
 
 def _in_python(symbol: Symbol) -> str:
-    """What names in Python code come from that of a symbol, as a pattern."""
+    """A pattern for the names in Python code that are derived from a symbol's name."""
     name, owner = symbol.name.text, symbol.within.rpartition("::")[2]
     match symbol.kind:
         case Kind.INTERFACE:
@@ -189,7 +189,7 @@ def _in_python(symbol: Symbol) -> str:
 
 
 def _components_with(index: Index, symbol: Symbol) -> list[Path]:
-    """The folders of the components that have to do with a symbol."""
+    """The folders of the components that use a symbol."""
     return list(dict.fromkeys(path.parent for path in index.files_that_need(symbol.name.span.source.path)))
 
 
@@ -197,7 +197,7 @@ def _words_in(path: Path, pattern: str) -> Iterator[Mention]:
     try:
         tree = ast.parse(read_file(path))
     except (OSError, ValueError, SyntaxError):
-        return  # what cannot be read mentions nothing
+        return  # an unreadable file mentions nothing
     seen = set()
     for node in ast.walk(tree):
         word = _word(node)

@@ -1,7 +1,7 @@
-"""The shell around the rest: editors' messages in, answers out. One thread; nothing waits in it.
+"""The server itself: receives the editor's messages and sends answers. It has one thread, which never blocks.
 
-A file is checked when it changes, and so are the open files that it matters to. What took long the last
-time waits for further changes, as long as it took.
+A changed file is checked, and so are the open files that depend on it. A check that took long the last
+time is delayed by that time, in case further changes come.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from .places import Places, path_of
 from .project import Project
 
 QUICK_S = 0.05
-"""What took less than these seconds is done at once."""
+"""Checks that took less than these seconds run at once."""
 
 LATEST = 1.0
-"""No check waits longer than these seconds."""
+"""The longest delay of a check, in seconds."""
 
 _WATCHED = f"**/*{{{','.join((*ENDINGS, '.toml', '.py'))}}}"
 
 
 class Server(LanguageServer):
-    """Holds the project, and checks it; `features` answers what it is asked."""
+    """Holds and checks the project; `features` answers requests."""
 
     def __init__(self) -> None:
         super().__init__("rc lsp", __version__, lsp.TextDocumentSyncKind.Full, max_workers=1)
@@ -49,8 +49,8 @@ class Server(LanguageServer):
         self._took: dict[Path, float] = {}
 
     def serve(self, stdin: BinaryIO, stdout: BinaryIO) -> bool:
-        """Until the editor is gone; whether it said so before."""
-        gc.freeze()  # modules stay: to look through them again and again makes every hundredth answer a slow one
+        """Serve until the editor is gone. Returns whether it ended the session properly."""
+        gc.freeze()  # modules stay: scanning them repeatedly makes every hundredth answer slow
         with installed.asked_once():  # for the session: looking them up takes longer than most checks
             self.start_io(stdin, stdout)
         return self.ended_well
@@ -61,20 +61,20 @@ class Server(LanguageServer):
 
     @property
     def versions(self) -> dict[str, int | None] | None:
-        """Of what is open; None if the editor does not take changes with versions."""
+        """The versions of open files; None if the editor does not accept changes with versions."""
         workspace = self.client_capabilities.workspace
         edit = workspace.workspace_edit if workspace else None
         return self.project.versions if edit and edit.document_changes else None
 
     @property
     def annotates(self) -> bool:
-        """Whether the editor shows what is said of a change."""
+        """Whether the editor shows the description of a change."""
         workspace = self.client_capabilities.workspace
         edit = workspace.workspace_edit if workspace else None
         return bool(edit and edit.document_changes and edit.change_annotation_support)
 
     def configure(self, settings: Any) -> None:
-        """Take over what the user set: `include`, folders that begin at the first one of the project.
+        """Apply the user's settings: `include`, folders relative to the first one of the project.
 
         Other settings are ignored: some editors send all their settings to every server.
         """
@@ -89,7 +89,7 @@ class Server(LanguageServer):
     # Checking.
 
     def changed(self, path: Path) -> None:
-        """See to it that a file is checked, and those it matters to."""
+        """Schedule checks of a file and of those that depend on it."""
         self._check_soon(path)
         for each in self.project.dependents(path):
             self._check_soon(each)
@@ -111,12 +111,12 @@ class Server(LanguageServer):
         buffer = self.project.buffer(path)
         if buffer is None:
             return
-        begun = time.thread_time()  # what others have to do is no reason to wait
+        begun = time.thread_time()  # the load of other processes must not increase the delay
         try:
             places = self.places
             found = [answers.diagnostic(each, places) for each in complaints(self.project, path)]
         except Exception as exc:
-            self.tell_of(exc)  # a mistake of ours; the next change may avoid it
+            self.tell_of(exc)  # an error in the server; the next change may avoid it
             return
         self._took[path] = time.thread_time() - begun
         self.publish(buffer.uri, found, buffer.version)
@@ -124,7 +124,7 @@ class Server(LanguageServer):
     def publish(self, uri: str, found: Sequence[lsp.Diagnostic], version: int | None = None) -> None:
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, list(found), version))
 
-    # Mistakes of ours.
+    # Errors in the server.
 
     def tell_of(self, error: BaseException) -> None:
         text = "".join(traceback.format_exception(error))
@@ -132,11 +132,11 @@ class Server(LanguageServer):
 
     def report_server_error(self, error: Exception, source: Any) -> None:
         if not isinstance(error, JsonRpcException) or isinstance(error, JsonRpcInternalError):
-            self.tell_of(error)  # others are refusals, which are the answer already
+            self.tell_of(error)  # others are refusals, which the editor already gets as answers
 
 
 def make_server() -> Server:
-    logging.getLogger("pygls").setLevel(logging.CRITICAL)  # what it would print is told to the editor
+    logging.getLogger("pygls").setLevel(logging.CRITICAL)  # the editor already gets what it would print
     server = Server()
     for name, handler, options in (*_LIFE, *FEATURES):
         server.feature(name, options)(partial(handler, server))
@@ -154,7 +154,7 @@ def _initialize(server: Server, params: lsp.InitializeParams) -> None:
 
 
 def _initialized(server: Server, params: lsp.InitializedParams) -> None:
-    """Ask to be told of changes on the disk, if the editor can."""
+    """Subscribe to changes on the disk, if the editor supports it."""
     workspace = server.client_capabilities.workspace
     watching = workspace.did_change_watched_files if workspace else None
     if watching and watching.dynamic_registration:
@@ -203,7 +203,7 @@ def _did_change(server: Server, params: lsp.DidChangeTextDocumentParams) -> None
 def _take_over(server: Server, uri: str, text: str, version: int) -> None:
     path = path_of(uri)
     if path is None:
-        return  # of a revision, say, that an editor compares with; it has no place of its own
+        return  # for example a revision that an editor compares with, which has no path
     server.project.open(path, text, version, uri)
     server.changed(path)
 

@@ -1,4 +1,4 @@
-"""What each word of a text is, for its colour. Names are known by what they name, keywords by their place."""
+"""The kind of each word of a text, for its colour: of names by their definitions, of keywords by their place."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Coloured:
 
 
 def colours(index: Index, path: Path, text: str) -> list[Coloured]:
-    """Every word of a text that has a colour, in order. Words of a text that cannot be read are told by their looks."""
+    """Every word of a text that has a colour, in order. In an unreadable text, the form of words decides."""
     source = Source(path, text)
     comments = find_comments(source)
     named = _named(index, path, source)
