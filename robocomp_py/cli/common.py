@@ -1,4 +1,4 @@
-"""What the commands share."""
+"""Shared by the commands."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ FINE, WRONG, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 class Main(Protocol):
-    """A command: its arguments (by default those of the process) to its exit code."""
+    """A command: a function from arguments (by default those of the process) to the exit code."""
 
     def __call__(self, arguments: Sequence[str] | None = None) -> int: ...
 
 
 def command(main: Callable[[Sequence[str] | None], int]) -> Main:
-    """A command that ends quietly, and cleans up, when it is interrupted, or when its output is no longer read."""
+    """Make a command end quietly, with cleanup, when it is interrupted or its output is no longer read."""
 
     @wraps(main)
     def run(arguments: Sequence[str] | None = None) -> int:
@@ -47,14 +47,14 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Main:
             return INTERRUPTED
         except Exception as exc:
             explained = _explained(exc)
-            if isinstance(exc.__cause__, KeyboardInterrupt | _Ended):  # what Python makes of it in a __set_name__, say
+            if isinstance(exc.__cause__, KeyboardInterrupt | _Ended):  # Python wraps it, for example in a __set_name__
                 return 128 + (signalled() or signal.SIGINT)
             if explained is None:
                 raise
             return 128 + signalled() if signalled() else explained
         finally:
-            # Python remembers whether a KeyboardInterrupt left the last `exec`, as that of a dataclass, and would end
-            # by that signal, whatever was made of the exception.
+            # Python remembers whether a KeyboardInterrupt left the last `exec`, such as that of a dataclass, and would
+            # then end by that signal, although the exception was handled.
             exec("")
         return code
 
@@ -76,7 +76,7 @@ def _explained(exc: Exception) -> int | None:
 
 
 def _prepare_output() -> None:
-    """Neither a closed output nor a character that it lacks, as in the name of a file, stops a command."""
+    """Keep commands working if the output is closed, or cannot encode a character, such as one in a file name."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - for as long as we live
@@ -85,7 +85,7 @@ def _prepare_output() -> None:
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What printing fails with. Of files that they write themselves, commands say more."""
+"""Errors of printing. Commands handle errors of their own files, with more details."""
 
 
 class _Ended(SystemExit):
@@ -95,20 +95,20 @@ class _Ended(SystemExit):
 
 
 _came: list[int] = []
-"""The signals that have come to the command that runs."""
+"""The signals received by the running command."""
 
 
 def signalled() -> int:
-    """The signal that ends, or should have ended, the command that runs; 0 if none has come.
+    """The signal that ends, or should have ended, the running command; 0 if none was received.
 
-    What a signal raises may get lost: Python ignores exceptions in destructors, and in what it calls by itself while it
-    imports. So code that is about to do long work checks this first.
+    The exception of a signal can be lost: Python ignores exceptions in destructors, and in some callbacks while it
+    imports. So code checks this before long work.
     """
     return _came[0] if _came else 0
 
 
 def insist() -> None:
-    """Raise again what a signal has raised, if that got lost."""
+    """Raise the exception of a signal again, if it was lost."""
     match signalled():
         case 0:
             pass
@@ -120,15 +120,15 @@ def insist() -> None:
 
 @contextmanager
 def _unwinding() -> Iterator[None]:
-    """While entered, SIGTERM and SIGHUP end what runs as an exception does, so that it can clean up, as Ctrl-C does.
+    """While entered, SIGTERM and SIGHUP raise an exception, as Ctrl-C does, so that the command can clean up.
 
-    A process that ignores them (`nohup`) or handles them keeps doing so. A cleanup is
-    not ended by another one.
+    A process that ignores them (`nohup`) or handles them keeps doing so. A second signal does not
+    interrupt the cleanup.
     """
     numbers = [each for each in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_DFL]
     interrupting = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if threading.current_thread() is not threading.main_thread():
-        numbers, interrupting = [], False  # only there signals can be taken care of
+        numbers, interrupting = [], False  # only the main thread can handle signals
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
         _came.append(number)
@@ -155,7 +155,7 @@ def _unwinding() -> Iterator[None]:
 
 
 def _is_somewhere() -> bool:
-    """Whether the working directory exists."""
+    """Whether the working directory still exists."""
     try:
         return bool(os.getcwd())
     except FileNotFoundError:
@@ -194,11 +194,10 @@ def add_include(to: argparse.ArgumentParser) -> None:
 def files_of(
     paths: Iterable[Path], *, linked: bool, also: Callable[[Path], bool] = lambda _: False
 ) -> tuple[list[Path], list[str]]:
-    """The files that paths mean, each once, and what is wrong with the folders among them.
+    """The files that paths stand for, each once, and the problems with folders among them.
 
-    A folder means all in it and below that are written in one of the languages, or for which `also` is true, but for
-    what is hidden; with `linked`, also the files that are only linked there. Folders that are linked there are not
-    entered.
+    A folder stands for all files below it that are in one of the languages, or for which `also` is true. Hidden files
+    are skipped. With `linked`, linked files are included; linked folders are never entered.
     """
     found: dict[str, Path] = {}
     problems: list[str] = []
@@ -237,6 +236,6 @@ def show(diagnostics: Iterable[Diagnostic], *, as_json: bool = False, to: TextIO
 
 
 def complain(message: object) -> int:
-    """Say what is wrong; the exit code for it."""
+    """Print an error; return its exit code."""
     print(message, file=sys.stderr)
     return WRONG

@@ -1,4 +1,4 @@
-"""`rc fmt`: bring files of the languages into one style."""
+"""`rc fmt`: format files of the languages."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def _check_usage(options: argparse.Namespace) -> None:
     from ..spelling import closest
 
     if "-" in options.files and len(options.files) > 1:
-        options.usage_error("stdin (-) is formatted alone")
+        options.usage_error("stdin (-) cannot be combined with files")
     if options.files == ["-"] and not options.language:
         options.usage_error("say what stdin is, as in: rc fmt --language idsl -")
     if options.files != ["-"] and options.language:
-        options.usage_error("--language is for stdin (-); that of a file is told by its ending")
+        options.usage_error("--language is for stdin (-); the ending of a file tells its language")
     if options.language and options.language not in LANGUAGES:
         near = closest(options.language, LANGUAGES)
         known = f"did you mean {near}?" if near else f"known: {', '.join(LANGUAGES)}"
@@ -87,7 +87,7 @@ def _format_file(path: Path, options: argparse.Namespace) -> int:
     language = path.suffix.lower()[1:]
     if language not in LANGUAGES:
         endings = ", ".join(f".{each}" for each in LANGUAGES)
-        return complain(f"rc fmt: {path}: nothing with this ending is formatted; known: {endings}")
+        return complain(f"rc fmt: {path}: files with this ending are not formatted; known: {endings}")
     found = _formatted(path, language, read_file)
     if found is None:
         return WRONG
@@ -105,7 +105,7 @@ def _format_file(path: Path, options: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class _Formatted:
-    """What is in a file, and what is to be."""
+    """The present text of a file, and the formatted one."""
 
     path: Path
     before: bytes
@@ -113,7 +113,7 @@ class _Formatted:
     encoding: str
 
     def told(self, options: argparse.Namespace) -> int:
-        """Say what would change; the exit code for it."""
+        """Print what would change; return the exit code."""
         if self.before == self.after:
             return FINE
         if options.diff:
@@ -130,7 +130,7 @@ class _Formatted:
 
 
 def _formatted(path: Path, language: str, read: Callable[[Path], bytes]) -> _Formatted | None:
-    """What a file is to be; None if that cannot be said, and it has been said why."""
+    """The formatted file; None, after printing the reason, if that is not possible."""
     from ..dsl.diagnostics import DslError
     from ..dsl.format import format_text
     from ..dsl.workspace import Workspace
@@ -146,6 +146,6 @@ def _formatted(path: Path, language: str, read: Callable[[Path], bytes]) -> _For
     show(told.diagnostics)
     if source is None or told.errors:
         return None
-    # What is not UTF-8 was read as Latin-1, and is written so, too: every byte of its comments stays what it is.
+    # A file that is not UTF-8 is read and written as Latin-1, so every byte of its comments is kept.
     encoding = "latin-1" if any(each.code == "not-utf8" for each in told.diagnostics) else "utf-8"
     return _Formatted(path, held[path], text.encode(encoding), encoding)

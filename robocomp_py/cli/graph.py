@@ -28,7 +28,7 @@ exit status: 0 fine, 1 the file is wrong, 2 usage
 """
 
 _PIXELS = 2
-"""Pixels of a PNG for each of SVG: screens have more of them than they say."""
+"""Pixels of a PNG per unit of SVG, for screens with a high resolution."""
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
     if ending not in endings:
         what = "a network" if kind == ".ddsl" else "a state machine"
-        return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; let its name end so")
+        return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; use one of these")
     drawn = _network(options, ending) if kind == ".ddsl" else _machine(path)
     if isinstance(drawn, int):
         return drawn

@@ -1,4 +1,4 @@
-"""`rc host`: what the components of one machine share."""
+"""`rc host`: the helper processes that the components of one machine share."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("middleware", metavar="MIDDLEWARE", help="whose: zenoh, or ice")
+    to.add_argument("middleware", metavar="MIDDLEWARE", help="the middleware: zenoh or ice")
     to.add_argument(
         "--set",
         action="append",
@@ -76,11 +76,11 @@ def run(options: argparse.Namespace) -> int:
             insist()  # on a signal that came before
             until_the_end.enter_context(hosting(middleware, TransportConfig(own, f"rc host {middleware}")))
             if not _hosts(middleware):
-                print(f"rc host: components share nothing that has to be run for {middleware}", file=sys.stderr)
+                print(f"rc host: {middleware} needs no shared process", file=sys.stderr)
                 return FINE
             notify("READY=1", f"STATUS=hosting {middleware}")
             print(f"rc host: {middleware}, until Ctrl-C", flush=True)
-            while not ended.wait(0.5):  # a signal that comes just before an endless wait begins does not end it
+            while not ended.wait(0.5):  # a signal that arrives just before an endless wait would not end it
                 pass
             notify("STOPPING=1")
     except (ConfigurationError, TransportError) as exc:

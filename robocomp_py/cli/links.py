@@ -89,7 +89,7 @@ def _print(ways: Sequence[Way]) -> None:
 
 
 def _together(ways: Sequence[Way]) -> list[tuple[Way, str]]:
-    """The operations between two ports that go the same way as one line, and what to call them."""
+    """The operations between two ports with the same middleware as one line, and their names."""
     found: dict[tuple[str, ...], list[Way]] = {}
     for way in ways:
         found.setdefault((way.client, way.port, way.verb, way.provider, way.middleware, way.why), []).append(way)

@@ -77,16 +77,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _configures(path: Path) -> bool:
-    """Whether this is a configuration of a component, in the folder where components have theirs."""
+    """Whether this is the configuration of a component, in its usual folder."""
     from ..deploy.configuration import model_beside
 
     return path.suffix.lower() == ".toml" and path.parent.name == "etc" and model_beside(path) is not None
 
 
 def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | None = None) -> list[Diagnostic]:
-    """What is wrong with files and with what they import, in order.
+    """The diagnostics of files and their imports, in order.
 
-    Configurations are checked against a model, by default against that of the component they are beside.
+    Configurations are checked against a model, by default that of the component in whose folder they are.
     """
     from ..deploy.configuration import check_configuration, is_configuration
     from ..dsl.diagnostics import ordered
@@ -107,7 +107,7 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
 
 
 def _check_network(path: Path, workspace: Workspace) -> None:
-    """Check a network as the deployer would, except for what only a start needs."""
+    """Check a network like the deployer, except for conditions that only matter at a start."""
     from ..deploy.hosts.addresses import is_own
     from ..deploy.planner import make_plan
     from ..usercode.check import check_network

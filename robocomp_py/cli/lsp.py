@@ -33,13 +33,13 @@ def run(options: argparse.Namespace) -> int:
         print("rc lsp: editors start this, and talk to it; see docs/guides/editors.md", file=sys.stderr)
         return USAGE
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)  # there is nothing to clean up, and a thread that reads stdin to wait for
+        signal.signal(number, signal.SIG_DFL)  # no cleanup, which would wait for the thread that reads stdin
     insist()  # on one that came before
     return FINE if make_server().serve(*_channels()) else WRONG
 
 
 def _channels() -> tuple[BinaryIO, BinaryIO]:
-    """stdin and stdout, kept for the editor alone: whatever else is printed goes to stderr."""
+    """stdin and stdout, reserved for the editor: all other output goes to stderr."""
     channels = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return channels

@@ -1,4 +1,4 @@
-"""What commands that read a network (.ddsl) have in common: the options that change it."""
+"""Shared by commands that read a network (.ddsl): the options that change it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def add_network(to: argparse.ArgumentParser) -> None:
 
 
 def network(text: str) -> Path:
-    """A file that may be one: a component's model is not, which is soon mistaken for it."""
+    """The path of a network. Refuses other files, such as a component's model."""
     from ..dsl.workspace import ENDINGS
 
     path = Path(text)
@@ -47,7 +47,7 @@ def add_overrides(to: argparse.ArgumentParser) -> None:
 
 
 def overrides_of(options: argparse.Namespace) -> Overrides:
-    """What the options say. Raises ValueError, for people, if one is wrong."""
+    """The changes that the options ask for. Raises ValueError, with a message for people, if one is wrong."""
     from ..deploy.plan import Overrides
 
     _check_middleware(options.middleware)
@@ -55,7 +55,7 @@ def overrides_of(options: argparse.Namespace) -> Overrides:
 
 
 def override_words(options: argparse.Namespace) -> list[str]:
-    """The options that change the network, as they were given: another command needs them to read the same network."""
+    """The options that change the network, as given: another command needs them to read the same network."""
     words = ["--middleware", options.middleware] if options.middleware else []
     words += [word for each in options.set for word in ("--set", each)]
     return [*words, *(word for each in options.include for word in ("-I", str(each)))]
@@ -73,7 +73,7 @@ def tell_notes(plan: Plan) -> None:
 
 
 def _check_middleware(name: str | None) -> None:
-    """Whether a middleware can carry a network: if not, the option is wrong, and not a file."""
+    """Raise ValueError if a middleware cannot carry a network, because then the option is wrong, not a file."""
     from ..contract.middleware import carrier
     from ..deploy.routes import unfit
 

@@ -1,4 +1,4 @@
-"""How far a command is, on a terminal, for runs that take longer than a second."""
+"""Shows the progress of commands that take longer than a second, on a terminal."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Self, TextIO, TypeVar
 T = TypeVar("T")
 
 _FIRST, _NEXT = 1.0, 0.1
-"""s until progress is shown, and between two updates."""
+"""Seconds until progress is shown, and between two updates."""
 
 
 class Progress:
-    """One line on stderr that is rewritten, and erased at the end. Nothing if stderr is no terminal."""
+    """One line on stderr that is rewritten, and erased at the end. Prints nothing if stderr is no terminal."""
 
     def __init__(self, name: str, to: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._name, self._to, self._clock = name, to or sys.stderr, clock
@@ -31,7 +31,7 @@ class Progress:
         self.erase()
 
     def over(self, items: Sequence[T], doing: str) -> Iterator[T]:
-        """The items, while the line says how many of them are done."""
+        """Yield the items, and show how many of them are done."""
         for number, each in enumerate(items):
             self.show(f"{doing}: {number} of {len(items)}")
             yield each
@@ -45,7 +45,7 @@ class Progress:
             self._write(f"\r\x1b[K{self._name}: {text}")
 
     def erase(self) -> None:
-        """Make room for other output."""
+        """Erase the line, before other output."""
         if self._is_shown:
             self._is_shown = False
             self._write("\r\x1b[K")

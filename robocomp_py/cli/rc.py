@@ -1,4 +1,4 @@
-"""`rc`: everything about components that is neither generating nor deploying. Each command is a module beside this."""
+"""`rc`: all commands for components except generating and deploying. Each is a module in this folder."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Described(Protocol):
 
 
 class Command(Described, Protocol):
-    """What a module beside this offers. It imports what takes long in `run`."""
+    """The module of a command. It imports slow modules in `run`."""
 
     def run(self, options: argparse.Namespace) -> int: ...
 
 
 _COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host)
-"""All but `run`, which passes on what only the component understands."""
+"""All except `run`, which passes options on to the component."""
 
 _EXAMPLES = """\
 examples:

@@ -1,6 +1,6 @@
 """`rcdeploy`: networks of components, started, watched and stopped. Each command is a module of `deploying`.
 
-What takes long to import is imported when `main` runs, which ends quietly on Ctrl-C even then.
+Slow modules are imported when `main` runs, which ends quietly on Ctrl-C even during an import.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _parser_of(each: Command) -> argparse.ArgumentParser:
 
 
 def _command_at(given: Sequence[str]) -> int | None:
-    """Where the command stands, if there is one: it is the first word that is neither an option nor its value."""
+    """The position of the command, if there is one: the first word that is neither an option nor its value."""
     if given and given[0] in COMMANDS:
         return 0
     valued = _options(with_value=True)
@@ -117,7 +117,7 @@ def _command_at(given: Sequence[str]) -> int | None:
 
 
 def _refuse(rest: Sequence[str], made: argparse.ArgumentParser, name: str) -> None:
-    """Say what is wrong with arguments that no command takes."""
+    """Report arguments that the command does not accept."""
     if not rest:
         return
     option = rest[0].partition("=")[0]
@@ -129,9 +129,9 @@ def _refuse(rest: Sequence[str], made: argparse.ArgumentParser, name: str) -> No
 
 
 def _options(of: str = "", *, with_value: bool = False) -> set[str]:
-    """What a command, or all of them, can be told by options."""
+    """The options of one command, or of all commands."""
     parsers = [_parser_of(COMMANDS[of])] if of else [_parser(), *map(_parser_of, COMMANDS.values())]
-    actions = [action for each in parsers for action in each._actions]  # what argparse offers no other way to
+    actions = [action for each in parsers for action in each._actions]  # argparse offers no public way
     return {text for each in actions if not with_value or each.nargs != 0 for text in each.option_strings}
 
 

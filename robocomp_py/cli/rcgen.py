@@ -57,16 +57,16 @@ class _Job:
     root: Path
     artifacts: tuple[Artifact, ...]
     is_as_before: bool
-    """Whether its middleware is one that was chosen when it was generated before."""
+    """Whether its middleware was chosen in an earlier run."""
     linked: LinkedComponent
     trace: unchanged.Trace
-    """Of all that was read for it."""
+    """The workspace that read its files."""
     adopted: plugins.Adopted | None = None
-    """What is understood of a component for another framework; None of one that is ours."""
+    """A component of another framework, as understood by a plug-in; None for a component of ours."""
 
     @property
     def complaints(self) -> list[Diagnostic]:
-        """The mistakes in its specific part, as the file is now."""
+        """The errors in its specific part, as it is now."""
         from ..dsl.workspace import Workspace
         from ..usercode.check import complaints
 
@@ -74,7 +74,7 @@ class _Job:
 
     @property
     def command(self) -> str:
-        """What appends the stubs that it lacks."""
+        """The command that appends the missing stubs."""
         from ..usercode.check import stubs_command
 
         return stubs_command(self.linked.path, self.root)
@@ -154,7 +154,7 @@ def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> 
 
 
 def _up_to_date(job: _Job) -> unchanged.Component | None:
-    """A component that was written, as it is recorded; None if not everything is as it was written."""
+    """The record of a written component; None if a file has changed since."""
     from ..codegen.generate import Owner
     from ..codegen.write import origin
     from ..deploy.routes import generated_for
@@ -162,7 +162,7 @@ def _up_to_date(job: _Job) -> unchanged.Component | None:
     now = unchanged.generic_part(str(job.root))
     own = {str(each.path): each.text for each in job.artifacts if each.owner is Owner.GENERATOR}
     user = [str(each.path) for each in job.artifacts if each.owner is Owner.USER]
-    is_whole = not job.adopted and {"specificworker.py", "etc/config.toml"} <= set(user)  # else a plug-in has its say
+    is_whole = not job.adopted and {"specificworker.py", "etc/config.toml"} <= set(user)  # otherwise a plug-in decides
     is_as_written = all(now.get(name) == unchanged.digest(text.encode()) for name, text in own.items())
     others = [name for name, content in now.items() if name not in own and content not in ("link", "special")]
     if not (is_whole and is_as_written) or any(origin(job.root / name) for name in others):
@@ -253,7 +253,7 @@ def _jobs(
     trace: unchanged.Trace,
     progress: Progress,
 ) -> list[_Job] | None:
-    """What is to be generated; None if a model is wrong, which has been said then."""
+    """The components to generate; None, after printing the errors, if a model is wrong."""
     from ..codegen.generate import GenerationError, Model, generate
     from ..deploy.routes import generated_for
     from ..dsl.workspace import Workspace
@@ -289,7 +289,7 @@ def _jobs(
 
 
 def _not_configured_yet(artifacts: tuple[Artifact, ...], root: Path) -> tuple[Artifact, ...]:
-    """The artifacts without a configuration, if the folder has one in another form, which goes on to count."""
+    """The artifacts without a configuration, if the folder has one in another form, which stays in use."""
     from ..runtime import settings
 
     ours = root / "etc" / "config.toml"
@@ -306,7 +306,7 @@ def _serves_adopted(artifact: Artifact) -> bool:
 
 
 def _components(models: list[Path], workspace: Workspace, trace: unchanged.Trace) -> list[Path]:
-    """The CDSL files meant: those given, and those of the networks given."""
+    """The given CDSL files, and those of the given networks."""
     from ..codegen.generate import GenerationError
 
     found: list[Path] = []
@@ -344,17 +344,17 @@ def _no_component(path: Path) -> str:
 
 
 def _unknown(middleware: str | None) -> str:
-    """What is wrong with the choice of a middleware; "" if nothing is."""
+    """Why the choice of a middleware is wrong; "" if it is not."""
     name, known = carrier(middleware, ""), installed.transports()
     return unknown("middleware", name, known) if name and name not in known else ""
 
 
 _NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py")
-"""What components, their tests and their generator import, beside the standard library and their middleware."""
+"""Libraries that components, their tests and their generator import, besides the middleware."""
 
 
 def _library(root: Path) -> str:
-    """What is wrong with the name of a component's folder, if it is that of something that is imported by name."""
+    """Why the name of a component's folder is wrong, if it is that of an imported library; otherwise ""."""
     from ..transports.deployment import deployments
 
     name = root.resolve().name
@@ -376,7 +376,7 @@ def _check(jobs: list[_Job], progress: Progress) -> int:
 
 
 def _say(lines: list[str]) -> int:
-    """What is out of date."""
+    """Print which files are out of date."""
     for line in lines:
         print(line)
     return WRONG if lines else FINE
@@ -408,7 +408,7 @@ def _amend(path: Path, text: bytes) -> None:
 
 
 def _tell(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> bool:
-    """Print what was done, and what is wrong with specific parts; whether nothing is."""
+    """Print what was done, and the errors of specific parts. Returns whether there are none."""
     from ..usercode.check import as_warnings
     from ..usercode.reading import FILE
 
@@ -455,13 +455,13 @@ def _tell_as_json(jobs: list[_Job], changed: list[Changes], amended: Collection[
 
 
 def _as_json(name: str, root: Path | str) -> dict[str, Any]:
-    """What is said of a component that is up to date."""
+    """The JSON of a component that is up to date."""
     said = {"component": name, "folder": str(root), "written": [], "removed": []}
     return said | {"existing": False, "report": [], "diagnostics": []}
 
 
 def _fits(job: _Job) -> bool:
-    """Whether there is nothing to add to a specific part, or to change in it."""
+    """Whether a specific part needs no additions and no changes."""
     from ..codegen.stubs import find_stubs
 
     stubs = find_stubs(job.root, job.model, job.trace.read)
@@ -480,7 +480,7 @@ def _tell_unchanged(components: Sequence[unchanged.Component], options: argparse
 
 
 def _announce_stubs(job: _Job) -> bool:
-    """Say which methods the specific part has to add or change, and how they begin; whether there are any."""
+    """Print the methods to add or change in the specific part, by first lines. Returns whether there are any."""
     from ..codegen.stubs import find_stubs
 
     path = job.root / "specificworker.py"

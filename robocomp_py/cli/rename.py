@@ -1,4 +1,4 @@
-"""`rc rename`: another name for something of a model, in all models and in the Python code that uses it."""
+"""`rc rename`: rename a definition in all models and in the Python code that uses it."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("file", type=Path, metavar="FILE", help="the model that defines it")
-    to.add_argument("old", metavar="NAME", help="what it is called, as `size`, or `Vault.size` if several are")
-    to.add_argument("new", metavar="NEW", help="what it is to be called")
+    to.add_argument("old", metavar="NAME", help="its present name, such as `size`, or `Vault.size` if several have it")
+    to.add_argument("new", metavar="NEW", help="its new name")
     to.add_argument("--yes", action="store_true", help="do not ask")
     to.add_argument(
         "--in", dest="folder", type=Path, metavar="DIR", help="where models and code are (default: this folder)"
@@ -139,7 +139,7 @@ def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Pat
 
 
 def _symbol(index: Index, file: Path, old: str) -> Symbol:
-    """What a name means in a model."""
+    """The definition with a name in a model."""
     from ..lsp.rename import CannotRename, can_be_renamed
     from ..spelling import unknown
 
@@ -161,7 +161,7 @@ def _symbol(index: Index, file: Path, old: str) -> Symbol:
 
 
 def _change_code(changes: _Changes, before: Project, after: Project, models: Iterable[Path]) -> None:
-    """Add what the code of these components has to change."""
+    """Add the changes of the code of these components."""
     from ..lsp.rename import CannotRename
     from ..usercode.reading import python_files
     from ..usercode.renaming import NotParsed, differences, rewrite, words_in
@@ -179,7 +179,7 @@ def _change_code(changes: _Changes, before: Project, after: Project, models: Ite
             try:
                 rewritten = rewrite(data, names)
             except NotParsed as exc:
-                changes.left.append(f"{path}: this is no Python: {exc}")
+                changes.left.append(f"{path} is not valid Python: {exc}")
                 continue
             changes.add(path, data, rewritten.data)
             changes.left += [f"{path}:{number}: {line}" for number, line in rewritten.left]
@@ -190,7 +190,7 @@ def _change_code(changes: _Changes, before: Project, after: Project, models: Ite
 
 
 def _wrong_now(path: Path, before: Project, after: Project) -> Iterator[str]:
-    """What is wrong with a file that was not."""
+    """The errors of a file that it did not have before."""
     if not path.is_file():
         return
     known = {(each.code, each.message) for each in before.check(path)}
@@ -204,7 +204,7 @@ def _place(diagnostic: Diagnostic) -> str:
 
 
 def _encoded(text: str, before: bytes) -> bytes:
-    """A model's text as its file was written."""
+    """A model's text in the encoding of its file."""
     for encoding in ("utf-8-sig" if before.startswith(b"\xef\xbb\xbf") else "utf-8", "latin-1"):
         try:
             before.decode(encoding)

@@ -1,4 +1,4 @@
-"""A user's file replaced by another version of it."""
+"""Replaces a user's file by a new version."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Give a file that content, all of it or none. A link stays one: what it leads to is replaced."""
+    """Replace the content of a file completely or not at all. A link stays: its target is replaced."""
     path = Path(os.path.realpath(path))
-    if not os.access(path, os.W_OK):  # or a file that is protected would be replaced by one that is not
+    if not os.access(path, os.W_OK):  # otherwise a protected file would be replaced by an unprotected one
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     was = path.stat()
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)

@@ -34,11 +34,11 @@ _COMPONENT_OPTIONS = (
     ("--keys", "FOLDER", "folder of its keys, for messages between hosts"),
     ("--grace", "SECONDS", "time to stop by itself, once told to (default: 5)"),
 )
-"""What a component takes that is followed by a value, which would be taken for DIR otherwise."""
+"""The options of a component that have a value, which would otherwise be mistaken for DIR."""
 
 
 def split(arguments: Sequence[str]) -> list[list[str]]:
-    """What is behind each `+` is for another component of the same process. Without one, all is for one."""
+    """Split arguments at each `+`: the parts are for different components of one process."""
     parts: list[list[str]] = [[]]
     for argument in arguments:
         if argument == BETWEEN and arguments[0] == NAME:
@@ -63,7 +63,7 @@ def run(
     usage: argparse.ArgumentParser,
     others: Sequence[Sequence[str]] = (),
 ) -> int:
-    """`rest` is what only the component itself understands, `others` is for those that share its process."""
+    """`rest` holds the component's own options, `others` those of the components that share its process."""
     from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
 
@@ -87,7 +87,7 @@ def run(
 
 
 def run_plain(arguments: Sequence[str]) -> int | None:
-    """Run a component whose arguments can be read without a parser; None, and nothing is done, for others."""
+    """Run a component if its arguments can be read without a parser; otherwise do nothing and return None."""
     from ..runtime.commandline import read_plain
     from ..runtime.load import load_worker
     from ..runtime.run import main as run_component
@@ -105,5 +105,5 @@ def run_plain(arguments: Sequence[str]) -> int | None:
 
 
 def _again(option: str, value: str) -> str:
-    """An option of the component as it is given to it."""
+    """An option, as passed to the component."""
     return f"{option}={value}"

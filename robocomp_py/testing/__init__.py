@@ -2,5 +2,5 @@
 
 import sys
 
-if "pytest" in sys.modules:  # then the assertions of the suite show values when they fail, as those of any test do
+if "pytest" in sys.modules:  # so that failed assertions in the suites show values, like those of any test
     sys.modules["pytest"].register_assert_rewrite(f"{__name__}.conformance")

@@ -1,4 +1,4 @@
-"""Run a component in a test: in this process, with fakes for all it is connected to.
+"""Run a component in a test: in this process, with fakes for all its peers.
 
     SpecificWorker = load_component(Path("components/wander"))
 
@@ -8,7 +8,7 @@
             assert component.received("differentialrobot.setSpeedBase")[-1] == (0.0, 0.6)
 
 A fake is a value to return, an exception to raise, a function of the operation's arguments, or one of `late`,
-`in_turn` and `gone_after`: see `fakes`. What is not faked returns zeros.
+`in_turn` and `gone_after`: see `fakes`. Operations without a fake return zeros.
 How to test components: docs/guides/testing.md.
 """
 
@@ -103,7 +103,7 @@ class ComponentTest:
         except ConfigurationError as exc:
             raise ConfigurationError(f"{exc}{_advice(worker.component.params, document)}") from exc
         self._running = Running(worker, checked, lambda name: open_faced)
-        # If an answer may be late, no thread of the component waits for it longer than the deadline.
+        # If a fake may answer late, no thread of the component waits longer than the deadline.
         options = {"bus": bus, "hand_over": any(map(is_late, _answers(fakes)))}
         self._open = partial(InprocTransport, TransportConfig(options, "test"))
         self._transport: InprocTransport | None = None
@@ -153,7 +153,7 @@ class ComponentTest:
             self._thread.join(SOON)
         transport = self._transport
         assert transport
-        with contextlib.suppress(AssertionError):  # a fake that is stuck: the links say so when they are closed
+        with contextlib.suppress(AssertionError):  # a stuck fake is reported when the links are closed
             wait_until(lambda: transport.idle, SOON, "the fakes have received what was sent to them")
         for links in self._facing.values():
             ports.close_all(links)
@@ -173,7 +173,7 @@ class ComponentTest:
     def change(self, params: Mapping[str, Any]) -> None:
         """Change dynamic parameters, as another component would: `change({"max_speed": 1.0})`.
 
-        Raises RemoteFailure if the component, or what is declared of its parameters, does not allow it.
+        Raises RemoteFailure if the component or its PDSL file does not allow it.
         """
         port = port_of(self._running.component)
         if port is None:
@@ -185,7 +185,7 @@ class ComponentTest:
 
     @contextlib.contextmanager
     def without(self, port: str) -> Iterator[None]:
-        """While this is entered, the other side of a port is not there: what the component calls is `Unreachable`."""
+        """Within this context the peer of a port is missing: calls of the component are `Unreachable`."""
         self._known(port)
         ports.close_all(self._facing[port])
         try:
@@ -196,19 +196,19 @@ class ComponentTest:
     def received(self, operation: str) -> list[tuple[Any, ...]]:
         """The arguments of every call, command or publication so far: `received("batterypub.pushBattery")`.
 
-        A call that a fake answers by `Unreachable` or the like is among them. After the block, that is all that the
-        component has sent.
+        Calls that a fake answers with `Unreachable` or a similar error are included. After the block, the list is
+        complete.
         """
         self._known(operation)
         return [arguments for name, arguments in list(self._received) if name == operation]
 
     def wait_for(self, condition: Callable[[], object], timeout: float = SOON) -> None:
-        """Wait until something holds; fail if it does not in time, or the component ended."""
+        """Wait until a condition holds; fail if it does not in time, or if the component ends."""
         wait_until(lambda: condition() or not self._thread.is_alive(), timeout)
         assert condition(), "the component ended"
 
     def wait_for_computes(self, number: int) -> None:
-        """Wait until `compute` was called so many more times."""
+        """Wait until `compute` was called this many more times."""
         wanted = self._running.computes + number
         self.wait_for(lambda: self._running.computes >= wanted)
 
@@ -224,7 +224,7 @@ class ComponentTest:
             self._proxies[port.name], self._facing[port.name] = ports.bind_proxy(facing, self._route, self._monitor)
 
     def _proxied(self, place: str) -> Port:
-        """The port by which the component sends there."""
+        """The port by which the component sends to this place."""
         component = self._running.component
         return next(
             port
@@ -247,7 +247,7 @@ class ComponentTest:
         return self._proxies[port], operation
 
     def _known(self, name: str) -> tuple[str, Operation[Any] | None]:
-        """A port, and its operation if the name has a second part. Raises ValueError for what is not there."""
+        """A port, and its operation if the name has a second part. Raises ValueError for unknown names."""
         port, dot, operation = name.partition(".")
         if port not in self._operations:
             raise ValueError(unknown("port", port, self._operations))
@@ -275,7 +275,7 @@ class ComponentTest:
             raise Outcome(Reply(Status.FAILED, _Raised(exc))) from exc
 
     def _hindered(self, channel: Channel, payload: Payload, codec: Codec) -> TransportError | None:
-        """What keeps a command or a publication of the component from being sent."""
+        """The error with which a command or publication of the component ends; None if it is sent."""
         place, _, name = channel.name.rpartition("/")
         port = self._proxied(place)
         answer = self._fakes.get(port.name, {}).get(name)
@@ -287,7 +287,7 @@ class ComponentTest:
 
 
 class _Raised:
-    """In place of a reply's payload: the error that the component's call ends with."""
+    """Replaces a reply's payload: the error with which the component's call ends."""
 
     def __init__(self, error: TransportError) -> None:
         self.error = error
@@ -356,7 +356,7 @@ class _FacedOutlet:
 
 
 class _Fake:
-    """Has the handlers of a port's other side."""
+    """The handlers of a port's peer."""
 
     def __init__(self, test: ComponentTest, port: Port) -> None:
         for operation, _ in port.interface.under(port.verb):
@@ -402,7 +402,7 @@ def _mandatory(params: ParameterSet) -> dict[str, Any]:
 
 
 def _advice(params: ParameterSet | None, document: settings.Document) -> str:
-    """The parameters that a test has to give, and does not."""
+    """The parameters that the test must still give."""
     wanted = {f"params.{key}": value for key, value in (_mandatory(params) if params else {}).items()}
     given = document.data.get("params", {})
     missing = {key: value for key, value in wanted.items() if key.removeprefix("params.") not in given}
@@ -420,7 +420,7 @@ def operation_pattern(port: Port, operation: Operation[Any]) -> Pattern:
 
 
 def zero(kind: t.Type) -> Any:
-    """The value of something not set."""
+    """The value of a field that is not set."""
     match kind:
         case t.Struct(python=python, fields=fields):
             return python() if python else tuple(zero(field.type) for field in fields)

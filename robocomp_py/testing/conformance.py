@@ -1,4 +1,4 @@
-"""What every transport must do, as tests. A transport joins by three lines:
+"""Tests that every transport must pass. A transport uses them with three lines:
 
     class TestMyTransport(TransportConformance):
         def open_transport(self) -> Transport:
@@ -6,24 +6,24 @@
 
 Two transports that it opens one after the other must reach each other, and no others. Requirements:
 
-    topics      every subscriber gets every message, in order, whichever side came first · what is published once both
-                sides are connected is heard, be it the first message, or the answer to one, also if both came at once ·
-                channels do not leak into each other · 0 B to 64 MB · nothing after close · a sink that raises or is
-                slow does not affect others · a sink may publish · latched is kept or refused · for a slow sink the
-                newest `depth` messages stay · reliable loses nothing, and every sender gives up at its own deadline ·
-                losses are counted, and a flood is bounded · `*` hears all instances but its own
+    topics      every subscriber gets every message, in order, whichever side opened first · messages published after
+                both sides are connected arrive, including the first one and an immediate answer to it, also if both
+                sides opened at once · channels are separate · 0 B to 64 MB · nothing after close · a sink that raises
+                or is slow does not affect others · a sink may publish · latched messages are kept or refused · a slow
+                sink gets the newest `depth` messages · reliable topics lose nothing, and every sender gives up at its
+                own deadline · losses are counted, and a flood is bounded · `*` receives from all other instances
     commands    in order, once, from many senders; no receiver: Unreachable
-    qos         what is missed, lost, or older than its lifespan, is told, counted, not delivered: see `testing.qos`
-    queries     answers find their callers, 64 out of order · clients get equal shares, and none waits for another's
-                flood · every status arrives · no server: Unreachable · deadlines hold, and a late answer reaches no
-                other call · cancelled calls leave nothing · a service may call others,
-                and be called back · the callback of a call may take long, and call again · one server at most
-    contract    another contract under the same name is named on both sides, and nothing passes
-    lifetime    close releases waiters, by Closed, and those that open links or send; is final, and leaves no thread ·
+    qos         missed deadlines, lost publishers and expired messages are reported and counted: see `testing.qos`
+    queries     replies find their callers, 64 out of order · clients get equal shares, and none waits for another's
+                flood · every status arrives · no server: Unreachable · calls end at their deadlines, and a late reply
+                reaches no other call · cancelled calls leave nothing behind · a service may call others, and be called
+                back · the callback of a call may take long, and call again · at most one server
+    contract    both sides report a different contract under the same name, and no message passes
+    lifetime    close ends waits, openings and sending with Closed; it is final, and leaves no thread ·
                 peers restart, move, or are killed
-    typed       every IDSL type there and back · every outcome of a call · several clients · serial workers
+    typed       every IDSL type in both directions · every outcome of a call · several clients · serial workers
 
-Limits on time are generous, and scaled by $ROBOCOMP_PATIENCE; none judges speed.
+Time limits are generous and scaled by $ROBOCOMP_PATIENCE; no test judges speed.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ _LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 
 
 class TransportConformance(QoSConformance):
-    """Fill in `open_transport`; everything else is the contract."""
+    """Implement `open_transport`; the rest is the contract."""
 
     # Topics.
 
@@ -117,7 +117,7 @@ class TransportConformance(QoSConformance):
         sent = [str(number).encode() for number in range(1000)]
         for number, message in enumerate(sent, 1):
             outlet.send(blob(there, message))
-            if number % 100 == 0:  # nothing is promised to best effort that is sent faster than it can travel
+            if number % 100 == 0:  # best-effort messages may be lost if they are sent faster than they can travel
                 wait_until(lambda n=number: all(inbox.qsize() == n for inbox in inboxes))  # type: ignore[misc]
         assert [drain(inbox) for inbox in inboxes] == [sent] * 3
 
@@ -175,7 +175,7 @@ class TransportConformance(QoSConformance):
     def test_a_publisher_and_a_subscriber_that_open_at_once_are_connected(
         self, here: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
-        """Each may be open before it sees the other. What both may need in order to meet is there because of `here`."""
+        """Each may be open before it sees the other. `here` has already created what both need in order to meet."""
 
         def connected(opening: threading.Barrier, open_it: Callable[[], Link]) -> Link:
             opening.wait(SOON)
@@ -408,7 +408,7 @@ class TransportConformance(QoSConformance):
         outlet = here.outlet(channel)
         assert outlet.wait_peer(SOON)
         try:
-            with pytest.raises(Timeout):  # after so long it is full, and nobody is just late
+            with pytest.raises(Timeout):  # until the queue is full and no acknowledgement is on its way
                 _send_many(here, outlet, 100_000, SOON / 3)
             patient = pool.submit(outlet.send, blob(here, bytes(100_000)), SOON * 3)
             wait_until(patient.running)
@@ -923,7 +923,7 @@ class TransportConformance(QoSConformance):
     def test_another_contract_is_named_and_messages_do_not_pass(
         self, here: Transport, there: Transport, name: str, instance: str, caplog: pytest.LogCaptureFixture
     ) -> None:
-        """Both sides tell it, also where the subscriber names no instance."""
+        """Both sides report it, even if the subscriber names no instance."""
         name, looked_up = _in_a_namespace(name, instance)
         inbox, witness = Inbox(), subscribe(there, topic(name))
         link = there.inlet(replace(topic(looked_up), type=OTHER), put(there, inbox))
@@ -975,7 +975,7 @@ class TransportConformance(QoSConformance):
     def test_a_transport_that_closes_ends_what_uses_it_as_closed(
         self, here: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
-        """Threads that open links or publish at that moment get Closed, whatever the middleware raises."""
+        """Threads that open links or publish at that moment get Closed, whatever exception the middleware raises."""
 
         def repeat(use: Callable[[], object], begun: threading.Event) -> None:
             while True:
@@ -1084,7 +1084,7 @@ class TransportConformance(QoSConformance):
     def test_a_server_may_move_to_another_transport(
         self, here: Transport, there: Transport, name: str, ask: str
     ) -> None:
-        """Who asks meanwhile meets nobody, or the new one; never the old one, who does not serve it any more."""
+        """Calls in between find no server, or the new one; never the old one, which no longer serves the channel."""
         asking = self.open_transport()
         caller = asking.caller(query(name))
         question = _asker(asking, caller, ask)
@@ -1145,7 +1145,7 @@ class TransportConformance(QoSConformance):
         with pytest.raises(Unreachable):
             asking.result(SOON)
 
-    # Typed: what users see of it.
+    # Typed: what user code sees.
 
     @pytest.fixture
     def proxy(self, here: Transport, there: Transport, name: str) -> Iterator[_Proxy]:
@@ -1278,7 +1278,7 @@ class TransportConformance(QoSConformance):
         handlers = _Handlers()
         with _Served(here, name, handlers) as served, _Using(there, name) as proxy:
             served.monitor.enter()
-            for task in ("never", "somewhat later"):  # when the second call ends, the first is over there, too
+            for task in ("never", "somewhat later"):  # when the second call ends, the first has expired there
                 with pytest.raises(Timeout):
                     proxy.ask(e.work, task, deadline=A_MOMENT)
             served.monitor.leave()
@@ -1417,7 +1417,7 @@ def _noting(inbox: Inbox) -> Callable[[bytes], bytes]:
 
 
 def _in_a_namespace(name: str, instance: str) -> tuple[str, str]:
-    """A channel of a namespace of its own, and the name by which a client looks for it: this instance, or `any`."""
+    """A channel in a new namespace, and the name that a client uses for it: with this instance, or `any`."""
     namespace, interface, operation = name.split("/")
     looked_up = "*" if instance == "any" else "one"
     return f"{namespace}/one/{interface}/{operation}", f"{namespace}/{looked_up}/{interface}/{operation}"
@@ -1441,7 +1441,7 @@ def _asker(transport: Transport, caller: Caller, how: str, deadline: float = SOO
 def _asked_meanwhile(
     transport: Transport, caller: Caller, answers: queue.Queue[Future[Reply]], serving: Transport
 ) -> Reply:
-    """A question asked behind others, and answered at once: whatever was sent before it has arrived."""
+    """A call after others, answered at once: everything sent before it has arrived."""
     known = answers.qsize()
     asked = caller.call(blob(transport, b"meanwhile"), SOON)
     wait_until(lambda: answers.qsize() > known)
@@ -1574,7 +1574,7 @@ def _router(transport: Transport, name: str) -> ports.Router:
 
 
 def everything_odd() -> e.Nested:
-    """A value at the edges of what its types can hold."""
+    """A value at the limits of its types."""
     scalars = e.Scalars(
         True, -128, 65535, -(2**63), 255, 0.5, -32768, math.inf, "naïve ☃ 𝄞\0end", 2**32 - 1, -1, 2**64 - 1, 2**31 - 1,
         e.Colour.ultraviolet,
@@ -1592,7 +1592,7 @@ def everything_odd() -> e.Nested:
 
 
 def assert_same(found: Any, expected: Any, at: str = "value") -> None:
-    """Equal, NaN included, of the same classes, and arrays of the same dtype."""
+    """Assert that values are equal (NaN equals NaN), of the same classes, and arrays of the same dtype."""
     if isinstance(expected, np.ndarray):
         assert found.dtype == expected.dtype, at
         np.testing.assert_array_equal(found, expected, at)

@@ -42,7 +42,7 @@ class InTurn(Generic[R]):
         self.answers, self._next, self._lock = answers, 0, threading.Lock()
 
     def take(self) -> Any:
-        """What the present call gets."""
+        """The answer to the present call."""
         with self._lock:
             answer = self.answers[self._next]
             self._next = min(self._next + 1, len(self.answers) - 1)
@@ -69,7 +69,7 @@ def gone_after(calls: int, answer: R | BaseException | Callable[..., R]) -> InTu
 
 
 def chosen(fake: Any) -> Any:
-    """What a fake does about the present call: a value, an exception, a function or a `Late`."""
+    """What a fake does in the present call: a value, an exception, a function or a `Late`."""
     while isinstance(fake, InTurn):
         fake = fake.take()
     return fake
@@ -81,5 +81,5 @@ def is_late(fake: Any) -> bool:
 
 
 def hinders(answer: Any) -> TransportError | None:
-    """What keeps a message from being sent at all."""
+    """The error, if any, because of which a message cannot be sent."""
     return answer if isinstance(answer, TransportError) else None

@@ -1,26 +1,26 @@
-"""What every transport must survive, as tests: processes that are killed or hang, and floods. A transport joins so:
+"""Tests of faults that every transport must survive: processes that are killed or hang, and floods. To use them:
 
     class TestMyTransport(TransportFaults):
         def open_transport(self) -> Transport:
             return MyTransport(TransportConfig({...}))
 
-in a module that can be imported, since its other processes open a transport in the same way. Requirements:
+The module must be importable, because other processes open a transport in the same way. Requirements:
 
     server killed       in the middle of a large reply: its client gets all of it, or Unreachable or Timeout within its
                         deadline; the next server answers
-    client killed       while the server writes: others are answered; what was acknowledged was executed, nothing twice
-    publisher killed    in the middle of a message: no part of one is delivered; the next publisher is heard
-    subscriber hangs    a best-effort publisher and its other subscribers notice nothing; a reliable one gives up at
-                        its deadline, and goes on once the subscriber was killed; memory is bounded
-    sleeper wakes       what was taken for a reliable subscriber reaches it; messages and commands in order, once
-    flood               from another process, as fast as that goes: in order, nothing twice, every message accounted
-                        for, memory bounded; reliable: every message
-    clock jumps         calls, their deadlines and topics do not notice (of the QoS of topics: `testing.qos`)
-    many clients        get equal shares of a server; a flood of one holds up no other
-    leftovers           of a killed process are gone after the next one that opened and closed
-    two users           may serve and publish the same, and do not hear each other
+    client killed       while the server writes: others are answered; acknowledged calls were executed, none twice
+    publisher killed    in the middle of a message: no part of it is delivered; the next publisher is received
+    subscriber hangs    a best-effort publisher and its other subscribers are not affected; a reliable one gives up at
+                        its deadline, and continues after the subscriber is killed; memory is bounded
+    sleeper wakes       messages accepted for a reliable subscriber reach it; messages and commands in order, once
+    flood               from another process, at full speed: in order, nothing twice, every message accounted for,
+                        memory bounded; reliable: every message
+    clock jumps         calls, deadlines and topics are not affected (for the QoS of topics, see `testing.qos`)
+    many clients        get equal shares of a server; a flood of one client delays no other
+    leftovers           of a killed process are gone after the next process has opened and closed
+    two users           may serve and publish the same channel, and do not receive from each other
 
-Like `conformance`, nothing here judges speed. The rate of the floods is printed with `-rP`.
+No test judges speed. The rate of the floods is printed with `-rP`.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class TransportFaults(TransportSuite):
         return self.open_transport()
 
     def leftovers(self) -> set[str]:
-        """Names of what open transports have in places that outlive their process."""
+        """Names of files and other resources of open transports that outlive their process."""
         return {str(path) for path in runtime_dir().rglob("*")}
 
     # What the tests use.
@@ -94,7 +94,7 @@ class TransportFaults(TransportSuite):
 
             yield begin
 
-    # Processes that ask for much.
+    # Processes that send many requests.
 
     def test_client_processes_get_equal_shares_of_a_server(self, here: Transport, name: str, start: Start) -> None:
         done, all_there = Counter[bytes](), threading.Event()
@@ -279,7 +279,7 @@ class TransportFaults(TransportSuite):
             assert set(taken) - set(heard) == set()
 
     def test_what_a_killed_process_left_is_gone_after_the_next_one(self, name: str, start: Start) -> None:
-        self._open_and_close(name)  # what stays for good, as folders do, is there from now on
+        self._open_and_close(name)  # creates what is permanent, such as folders
         before = self.leftovers()
         victim = start(_open_everything)
         assert victim.heard() == "open"
@@ -322,7 +322,7 @@ class TransportFaults(TransportSuite):
         def sink(payload: Payload) -> None:
             delivered.append(_number(here, payload))
             if delivered[-1] % 10 == 0:
-                time.sleep(0.002)  # so that it is too slow for them
+                time.sleep(0.002)  # slower than the flood
 
         link = here.inlet(topic(name, QoS(depth=4)), sink)
         sender = start(_flood)
@@ -389,7 +389,7 @@ class Other:
     """Another process with a transport of its own."""
 
     def __init__(self, suite: type[TransportFaults], name: str, act: Act, folder: str = "") -> None:
-        """With a run-time folder of its own, if one is given: another user's."""
+        """`folder` is its run-time folder, to act as another user."""
         spawn = multiprocessing.get_context("spawn")
         self._control, theirs = spawn.Pipe()
         self._process = spawn.Process(target=_live, args=(suite, name, act, theirs, folder))
@@ -400,12 +400,12 @@ class Other:
         self._control.send(what)
 
     def heard(self) -> Any:
-        """What it says next."""
+        """Its next message."""
         assert self._control.poll(SOON * 3)
         return self._control.recv()
 
     def all_heard(self) -> list[Any]:
-        """What it said before it ended."""
+        """All its messages until its end."""
         said = []
         with contextlib.suppress(EOFError, ConnectionResetError):
             while self._control.poll(0):
@@ -413,7 +413,7 @@ class Other:
         return said
 
     def stop(self) -> None:
-        """It hangs from now on."""
+        """Stop the process, so that it hangs."""
         assert self._process.pid is not None
         os.kill(self._process.pid, signal.SIGSTOP)
 
@@ -446,7 +446,7 @@ def _live(suite: type[TransportFaults], name: str, act: Act, control: Control, f
 
 
 def _until_told(control: Control) -> None:
-    """Or until the process that started this one is gone."""
+    """Wait for a message, or for the end of the parent process."""
     with contextlib.suppress(EOFError):
         if control.poll(SOON * 10):
             control.recv()
@@ -553,7 +553,7 @@ def _flood(transport: Transport, name: str, control: Control) -> None:
     control.recv()
     control.send(_flooded(transport, outlet, number, max(FLOOD, number + FLOOD)))
     number = max(FLOOD, number + FLOOD)
-    while not control.poll(0.005):  # so slowly that nothing is lost: what was lost before shows by these
+    while not control.poll(0.005):  # slowly, so that these arrive and reveal earlier losses
         number += 1
         outlet.send(_numbered(transport, number))
     control.recv()
@@ -572,7 +572,7 @@ def _flood_reliably(transport: Transport, name: str, control: Control) -> None:
 
 
 def _flooded(transport: Transport, outlet: Outlet, first: int, last: int) -> str:
-    """Send so many as fast as that goes; at what rate."""
+    """Send these messages at full speed; return the rate as a text."""
     begun = time.monotonic()
     for number in range(first, last + 1):
         outlet.send(_numbered(transport, number), SOON)
@@ -584,7 +584,7 @@ def _flooded(transport: Transport, outlet: Outlet, first: int, last: int) -> str
 
 
 def memory() -> int:
-    """What this process has in memory, in bytes."""
+    """The resident memory of this process, in bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
@@ -611,7 +611,7 @@ def _answered(transport: Transport, caller: Caller, how: str, data: bytes) -> by
     try:
         return _ask(transport, caller, how, data, SOON)
     except (Unreachable, Timeout):
-        return None  # it still thinks of the dead one
+        return None  # it still uses the killed one
 
 
 def _serve(transport: Transport, name: str) -> bool:
@@ -630,7 +630,7 @@ def _deaf_to(transport: Transport, word: bytes) -> Callable[[Payload, float], An
 
 
 def _everything(transport: Transport, name: str) -> None:
-    """An open link of every kind, used as far as one process can."""
+    """An open link of every kind, used as far as possible within one process."""
     transport.server(query(name), answering(transport, bytes.upper))
     transport.inlet(command(name + "c"), lambda _: None)
     transport.inlet(topic(name + "t"), lambda _: None)

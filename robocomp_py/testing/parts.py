@@ -25,24 +25,24 @@ from ..wire.codec import Payload
 from .patience import SCALE, SOON, wait_until
 
 A_MOMENT = 0.3 * SCALE
-"""How long a test makes something take that must not be waited for."""
+"""How long a test delays work that others must not wait for."""
 
 BLOB = Struct("Conformance::Blob", (Field("data", Sequence(UINT8)),))
 _OTHER_BLOB = Struct("Conformance::Blob", (Field("data", Sequence(INT16)),))
 _TEXT = "operation Conformance::Blob.send\nstruct Conformance::Blob\n  data sequence<{}>"
 _TYPE = TypeRef("Conformance::Blob", 1, _TEXT.format("uint8"), BLOB, BLOB)
 OTHER = TypeRef("Conformance::Blob", 2, _TEXT.format("int16"), _OTHER_BLOB, _OTHER_BLOB)
-"""What others may mean by the same name."""
+"""A different contract under the same name."""
 
 Inbox = queue.Queue[bytes]
 
 
 class TransportSuite(ABC):
-    """What the tests of a transport have in common: two of it, and a channel of their own."""
+    """The base of transport tests: two transports, and a new channel for each test."""
 
     @abstractmethod
     def open_transport(self) -> Transport:
-        """A new one, which meets all others of its kind in this process and in those started by it."""
+        """A new transport, which reaches all others of its kind in this process and in processes started by it."""
 
     @pytest.fixture
     def here(self) -> Iterator[Transport]:
@@ -79,7 +79,7 @@ def query(name: str) -> Channel:
 
 
 def blob(transport: Transport, data: bytes) -> Payload:
-    """Bytes as that transport's codec packs them."""
+    """Bytes, encoded by the transport's codec."""
     return transport.codec.encoder(BLOB)((data,))
 
 
@@ -110,7 +110,7 @@ def subscribe(transport: Transport, channel: Channel) -> Inbox:
 
 
 def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
-    """Send until every inbox has heard us, then empty them: all are connected, nothing is in flight."""
+    """Send until every inbox has received a message, then empty them: all are connected, nothing is in flight."""
     assert outlet.wait_peer(SOON)
 
     def all_hear() -> bool:
@@ -160,7 +160,7 @@ class Victim:
         assert self._stuck.wait(SOON)
 
     def hang(self) -> bool:
-        """Stop, as if it hung, until `go_on`; whether it could."""
+        """Stop the peer until `go_on`, as if it hung. Returns False if that is not possible."""
         if self._process is not None:
             os.kill(self._process.pid, signal.SIGSTOP)
         return self._process is not None

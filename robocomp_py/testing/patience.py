@@ -9,7 +9,7 @@ from collections.abc import Callable
 SCALE = float(os.environ.get("ROBOCOMP_PATIENCE", "1"))
 
 SOON = 10.0 * SCALE
-"""Seconds after which what should have happened counts as not happening."""
+"""Seconds after which an expected event counts as missing."""
 
 
 def wait_until(condition: Callable[[], object], timeout: float = SOON, what: str = "") -> None:

@@ -1,16 +1,16 @@
-"""What every transport must do about the QoS of topics, beside what `conformance` says of it, as tests.
+"""Tests of the QoS of topics that every transport must pass, in addition to those in `conformance`.
 
 Part of `TransportConformance`. A transport must refuse, by name, a policy that it does not declare.
-Of a policy that it declares, the tests require:
+For a policy that it declares, the tests require:
 
-    deadline      a missed one is told, and counted; none is while messages come
-    lifespan      older messages are not delivered, whichever end says how old: not to a slow sink, nor to latecomers
-    liveliness    a publisher whose process is killed, or hangs, is lost, and so is one that has to send something and
-                  does not; a publisher that came back can be lost again
-    the clock     jumps: no deadline is missed, no publisher lost
-    offered less  than asked for: that is told, naming both, and what there is passes
-    slow readers  a healthy one beside one that hangs gets everything · no more wait than `depth`, and the statistics
-                  account for the others · `keep_all` is bounded
+    deadline      a missed one is reported and counted; none is missed while messages come
+    lifespan      expired messages are not delivered, whichever end sets the limit: not to slow sinks or latecomers
+    liveliness    a publisher whose process is killed or hangs is lost, and so is a manual one that sends nothing;
+                  a publisher that returned can be lost again
+    clock jumps   no deadline is missed, no publisher lost
+    offered less  than requested: both are reported, and messages pass
+    slow readers  a healthy one beside a hung one gets everything · at most `depth` messages wait, and the statistics
+                  count the others · `keep_all` is bounded
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _LIFESPAN = 0.15 * SCALE
 _AUTOMATIC = QoS(lease=1.0 * SCALE)
 _MANUAL = QoS(lease=0.3 * SCALE, liveliness=Liveliness.MANUAL_BY_TOPIC)
 _MOST = 200_000
-"""More messages than any transport has to keep."""
+"""More messages than any transport must keep."""
 
 
 class QoSConformance(TransportSuite):
@@ -85,11 +85,11 @@ class QoSConformance(TransportSuite):
         outlet = here.outlet(topic(name, qos if who == "publisher" else QoS()))
         assert outlet.wait_peer(SOON)
         assert link.wait_peer(SOON)
-        # The first one blocks the sink. Once one had to make way, as many as may wait do so: all have come in.
+        # The first message blocks the sink. Once one was dropped, the queue is full: all messages have arrived.
         _until(lambda: blocked.is_set() and link.stats.dropped > 0, outlet, here, b"old")
         _let_pass(2 * _LIFESPAN)
         release.set()
-        wait_until(lambda: link.stats.expired > 0)  # before newer ones make the old ones give way
+        wait_until(lambda: link.stats.expired > 0)  # before newer messages displace the old ones
         _until(lambda: b"fresh" in inbox.queue, outlet, here, b"fresh")
         assert inbox.queue.count(b"old") == 1
 
@@ -205,7 +205,7 @@ class QoSConformance(TransportSuite):
                 sent = str(number).encode()
                 outlet.send(blob(here, sent))
                 while inbox.get(timeout=SOON) != sent:
-                    pass  # what was sent while the other one got stuck
+                    pass  # messages sent before the other one got stuck
         finally:
             release.set()
             healthy.close()
@@ -263,7 +263,7 @@ def _send_many(outlet: Outlet, message: Payload) -> None:
 
 
 def refuses(transport: Transport, qos: QoS) -> bool:
-    """Whether a transport does not offer that; then it has to say so."""
+    """Whether a transport does not offer a QoS; then its error must say so."""
     channel = topic("any/Conformance/op", qos)
     if not needs(channel) & ~transport.capabilities:
         return False
@@ -273,7 +273,7 @@ def refuses(transport: Transport, qos: QoS) -> bool:
 
 
 def _until(condition: Callable[[], object], outlet: Outlet, transport: Transport, message: bytes) -> None:
-    """Send that again and again until a condition holds."""
+    """Send a message repeatedly until a condition holds."""
 
     def tried() -> object:
         outlet.send(blob(transport, message))
@@ -295,7 +295,7 @@ def _channel(name: str) -> str:
 
 
 def _publish(transport: Transport, name: str, qos: QoS) -> Outlet:
-    """An outlet that a subscriber hears."""
+    """An outlet with a connected subscriber."""
     outlet = transport.outlet(Channel(_channel(name), Pattern.PUBLISH, ports.type_of(e.news, Pattern.PUBLISH), qos))
     assert outlet.wait_peer(SOON)
     return outlet
@@ -311,7 +311,7 @@ def _publish_news(transport: Transport, name: str, _: Any) -> None:
 
 
 class _Subscribed:
-    """A subscription, what came by it, and what was told of it."""
+    """A subscription, its received messages, and its QoS events."""
 
     def __init__(self, transport: Transport, name: str, qos: QoS) -> None:
         self.told: list[Missed | Lost] = []

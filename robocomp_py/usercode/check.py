@@ -88,7 +88,7 @@ def complaints(linked: LinkedComponent, workspace: Workspace, folder: Path | Non
     try:
         worker = read_worker(root, workspace.read)
     except NotPython as exc:
-        message = f"this is no Python: {exc}; its handlers are not checked"
+        message = f"not valid Python: {exc}; the handlers are not checked"
         related = [("it is the code of this component", linked.model.name.span)] if linked.model else []
         return [Diagnostic("python-syntax", message, exc.span, related=tuple(related))]
     gone = list(_gone(linked, root, workspace.read))

@@ -96,7 +96,7 @@ class Worker:
 def read_worker(folder: Path, read: Read) -> Worker | None:
     """The SpecificWorker of a component; None if there is no such file, or no such class that could be judged.
 
-    Raises NotPython if the file is none.
+    Raises NotPython.
     """
     files = _Files(folder, read)
     try:
@@ -109,7 +109,7 @@ def read_worker(folder: Path, read: Read) -> Worker | None:
 def generic_imports(folder: Path, read: Read) -> list[tuple[str, Span]]:
     """The modules of the generic part that a specific part imports when it is loaded, each with its place.
 
-    Raises NotPython if the file is none.
+    Raises NotPython.
     """
     try:
         source, tree = parse_python(folder / FILE, read(folder / FILE))

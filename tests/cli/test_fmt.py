@@ -102,7 +102,7 @@ def test_a_folder_without_such_files_is_a_mistake(folder: Path, capsys: Said) ->
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("arm.isdl", "arm.isdl: nothing with this ending is formatted; known: .idsl, .cdsl, .pdsl, .ddsl, .smdsl"),
+        ("arm.isdl", "arm.isdl: files with this ending are not formatted; known: .idsl, .cdsl, .pdsl, .ddsl, .smdsl"),
         ("leg.idsl", "leg.idsl: error[unreadable]: cannot be read: No such file or directory"),
     ],
 )
@@ -188,8 +188,8 @@ def test_stdin_can_be_checked(capsys: Said, monkeypatch: pytest.MonkeyPatch) -> 
         (["-"], "say what stdin is, as in: rc fmt --language idsl -"),
         (["-", "--language", "idl"], "no language is called idl; did you mean idsl?"),
         (["-", "--language", "xml"], "no language is called xml"),
-        (["-", "a.idsl", "--language", "idsl"], "stdin (-) is formatted alone"),
-        (["a.idsl", "--language", "idsl"], "--language is for stdin (-); that of a file is told by its ending"),
+        (["-", "a.idsl", "--language", "idsl"], "stdin (-) cannot be combined with files"),
+        (["a.idsl", "--language", "idsl"], "--language is for stdin (-); the ending of a file tells its language"),
     ],
 )
 def test_wrong_usage_is_told_with_what_is_right(capsys: Said, arguments: list[str], said: str) -> None:

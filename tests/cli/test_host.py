@@ -44,7 +44,7 @@ def test_a_signal_that_came_before_it_listens_to_any_ends_it_even_if_its_excepti
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        (["zeromq"], 0, "share nothing that has to be run for zeromq"),
+        (["zeromq"], 0, "zeromq needs no shared process"),
         (["zenho"], 2, "unknown middleware `zenho`"),
         (["zenoh", "--set", "oops"], 2, "not key=value"),
         (["zenoh", "--set", "transports.zenoh.conect=1"], 1, "unknown transport option 'conect'"),

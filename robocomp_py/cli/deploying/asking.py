@@ -1,4 +1,4 @@
-"""What the commands for a network that runs have in common: how it is named, and what is said if it does not run."""
+"""Shared by the commands for running networks: how a network is named, and the error if it is not running."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def add_network(to: argparse.ArgumentParser) -> None:
 
 
 def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[], int | None] | None = None) -> int:
-    """Have something done with a network that runs. Says what is wrong if that cannot be, and what to do.
+    """Call `deed` with the connection to a running network. Prints an error, with advice, if that fails.
 
-    `absent` may do something else with one that does not run here: then it returns the exit code.
+    `absent` may handle a network that does not run here; then it returns the exit code.
     """
     from ...deploy.client import Connection, NotRunning, network_of
     from ...errors import DeploymentError, HostUnreachable
@@ -33,7 +33,7 @@ def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[],
     try:
         try:
             with Connection(network_of(network)) as connection:
-                insist()  # on a signal that came meanwhile: some of these go on for ever
+                insist()  # on a signal that came meanwhile: some of these run without end
                 return deed(connection)
         except NotRunning:
             if absent and (code := absent()) is not None:
@@ -49,7 +49,7 @@ def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[],
         return complain(f"rcdeploy: {exc}")
 
 
-# What is printed: styled without a library, for that would take longer than all the rest.
+# Output, styled without a library: importing one would take longer than the rest of the command.
 
 _CODES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "blue": "34", "magenta": "35", "cyan": "36",

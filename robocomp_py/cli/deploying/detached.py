@@ -1,9 +1,9 @@
-"""A network that goes on without the terminal it was started from.
+"""Runs a network independently of the terminal from which it was started.
 
-The process that was started at the terminal forks before it has imported anything that could have threads. Its child,
-in a session of its own, does all the work, and goes on; it itself only waits until everything is ready. What the child
-starts never inherits the terminal, or a pipe that is read to its end: only the child's own `sys.stdout`
-and `sys.stderr` lead there, until it lets them go.
+The process at the terminal forks before it imports anything that could start threads. Its child, in a new session,
+runs the network; the parent only waits until everything is ready. Processes that the child starts inherit neither the
+terminal nor a pipe that is read to its end: only the child's own `sys.stdout` and `sys.stderr` lead there, until it
+releases them.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ _GOES_ON = b"+"
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _LISTEN_S = 0.5
-"""For which to wait at a time: a signal that comes just before an endless wait begins does not end it."""
+"""Seconds of one wait: a signal that arrives just before an endless wait would not end it."""
 
 
 class Parent:
-    """The process that waits at the terminal, as its child sees it."""
+    """The process that waits at the terminal, as seen by its child."""
 
     def __init__(self, pipe: int) -> None:
         self._pipe = pipe
 
     @property
     def waits(self) -> bool:
-        """Whether it has not been let go."""
+        """Whether it has not been released."""
         return self._pipe >= 0
 
     def leave(self, complaints: Path) -> None:
-        """Let it go, and the terminal; what Python itself has to say from now on goes into a file."""
+        """Release the parent and the terminal; later messages of Python itself go into a file."""
         with contextlib.suppress(OSError):
             sys.stdout.flush()
             sys.stderr.flush()
@@ -60,12 +60,12 @@ class Parent:
 
 
 def detached(work: Callable[[Parent], int]) -> int:
-    """Have a child do the work. Returns 0 once it goes on without us, or the exit code it ended with before.
+    """Run the work in a child. Returns 0 once the child is detached, or the exit code if it ended before.
 
-    Ctrl-C, and whatever else ends us meanwhile, ends the child, too.
+    Ctrl-C, and any other end of this process before that, ends the child, too.
     """
     reading, writing = os.pipe()
-    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)  # until there is a child to pass them on to
+    signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)  # until there is a child to receive them
     child = os.fork()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
@@ -81,7 +81,7 @@ def detached(work: Callable[[Parent], int]) -> int:
 
 
 def _keep_to_ourselves() -> None:
-    """Keep the standard streams for this process; the processes that it starts inherit /dev/null."""
+    """Keep the standard streams private; processes started from here inherit /dev/null."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         stream.flush()

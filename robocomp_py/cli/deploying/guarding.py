@@ -1,4 +1,4 @@
-"""What is looked at before a network is started: whether its security lets it be, and whether its keys are there."""
+"""Checks before the start of a network: whether its security allows it, and whether its keys exist."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def keys_of(plan: Plan, options: argparse.Namespace) -> Path:
 
 
 def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
-    """The network as it would be started, as far as it has keys; what is wrong with them is told."""
+    """The network with the keys that it has; problems with keys are printed."""
     from ...deploy import security
     from ...errors import DeploymentError
 
@@ -55,12 +55,12 @@ def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
         _warn(each)
     try:
         return security.secured(plan, keys_of(plan, options))
-    except DeploymentError:  # of which has been told
+    except DeploymentError:  # already printed
         return plan
 
 
 def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
-    """The network with its keys, or the exit code if it must not be started as it is, why having been told."""
+    """The network with its keys; the exit code, after printing the reason, if it must not be started."""
     from ...deploy import security
     from ...errors import DeploymentError
 

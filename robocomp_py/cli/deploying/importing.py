@@ -11,7 +11,7 @@ from ..common import FINE, WRONG, complain, show
 
 
 def import_network(path: Path, output: Path | None) -> int:
-    """Write a network as DDSL. A file that is there is never written over: it may have been edited."""
+    """Write a network as DDSL. An existing file is never overwritten, because it may have been edited."""
     from ... import plugins
     from ...dsl.workspace import Workspace
 
@@ -42,7 +42,7 @@ def import_network(path: Path, output: Path | None) -> int:
 
 
 def _write_new(path: Path, text: str) -> None:
-    """Write a file that is not there: all of it, or none, for what is there would be in the way of another try."""
+    """Write a new file completely or not at all: a partial file would block the next try."""
     with path.open("x", encoding="utf-8") as file:
         try:
             file.write(text)

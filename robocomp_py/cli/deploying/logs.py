@@ -51,7 +51,7 @@ def _print(connection: Connection, options: argparse.Namespace) -> int:
 
 
 def _print_past(options: argparse.Namespace) -> int | None:
-    """What a network that does not run any more has left; None if it has left nothing."""
+    """Print the logs of a network's last run; None if there are none."""
     from ...deploy.client import network_of
     from ...deploy.logs import recalled, writers
     from ...deploy.place import Place, Run

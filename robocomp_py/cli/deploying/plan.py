@@ -1,4 +1,4 @@
-"""`rcdeploy plan`: what would run, and what is different from what runs."""
+"""`rcdeploy plan`: what would run, and how it differs from the running network."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _write(plan: Plan, as_json: bool) -> None:
 
 
 def _news(plan: Plan) -> list[Change] | None:
-    """What is different from what runs; None if it does not run."""
+    """The differences from the running network; None if it is not running."""
     from ...deploy.changes import changes
     from ...deploy.client import Connection, NotRunning, running_plan
     from ...deploy.contracts import running_contracts

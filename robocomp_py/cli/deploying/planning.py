@@ -1,4 +1,4 @@
-"""What the commands that read a whole network do first: have it checked, and told what is wrong with it."""
+"""The first step of commands that read a network: check it, and print its errors."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int:
-    """The plan of `options.network`; the exit code if there is none, why having been told.
+    """The plan of `options.network`; the exit code, after printing the reason, if there is none.
 
-    `as_json` is for what is wrong then, one diagnostic a line on standard output.
+    `as_json` prints errors as JSON, one diagnostic a line on standard output.
     """
     from ...deploy.auto import usable
     from ...deploy.hosts.addresses import found, is_here
@@ -61,7 +61,7 @@ def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
         discard(stream)
 
 
-# What was generated.
+# Generated code.
 
 
 def _check_generated(options: argparse.Namespace, workspace: Workspace, progress: Progress) -> bool:
@@ -83,7 +83,7 @@ def _check_generated(options: argparse.Namespace, workspace: Workspace, progress
     for instance in progress.over(model.instances if model else (), "instances checked"):
         kind = instance.component.text.lower()
         if instance.program or kind in seen or kind not in components:
-            continue  # a program of one's own is none of ours
+            continue  # a program is not generated
         seen.add(kind)
         lines = _outdated(components[kind])
         if lines:
@@ -108,7 +108,7 @@ def _outdated(linked: LinkedComponent) -> list[str]:
             (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace").partition("\n")[0]
         )
         if f" by rcgen {__version__}:" not in first:
-            return []  # another version writes other text for the same models: nothing can be told from that
+            return []  # another version generates other text from the same models, so a comparison means nothing
         middleware = generated_for(folder) or AUTO
         artifacts = generate(Model(linked.component, linked.modules, linked.path.name, linked.params, middleware))
         return compare([each for each in artifacts if each.owner is Owner.GENERATOR], folder).lines(folder)

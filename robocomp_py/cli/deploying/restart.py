@@ -1,4 +1,4 @@
-"""`rcdeploy restart`: start components of a network that runs again."""
+"""`rcdeploy restart`: restart components of a running network."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _restart(connection: Connection, options: argparse.Namespace) -> int:
 
 
 def _hindrance(connection: Connection, options: argparse.Namespace) -> str:
-    """Why restarted instances would not understand those that keep running; "" if they would."""
+    """Why restarted instances could not communicate with those that keep running; "" if they can."""
     from ...deploy import contracts
     from ...deploy.client import running_plan
     from ...deploy.naming import meant

@@ -1,4 +1,4 @@
-"""`rcdeploy status`: how a network that runs is."""
+"""`rcdeploy status`: the state of a running network."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _print(snapshot: Snapshot, ways: list[dict[str, str]] | None, options: argpa
         return
     size = os.get_terminal_size(sys.stdout.fileno()) if sys.stdout.isatty() else None
     if size and again:
-        print("\033[2J\033[H", end="")  # on a terminal, all is drawn anew from its first line
+        print("\033[2J\033[H", end="")  # clear the terminal and begin at its first line
     show(summary(snapshot))
     for line in table(
         snapshot, width=size.columns if size else None, height=size.lines - 2 if size and again else None

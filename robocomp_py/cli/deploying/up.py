@@ -43,7 +43,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def add_options(to: argparse.ArgumentParser) -> None:
-    """All options but those that change the network."""
+    """All options except those that change the network."""
     to.add_argument(
         "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop this long after all components are ready"
     )
@@ -101,7 +101,7 @@ def _up(plan: Plan, options: argparse.Namespace, parent: Parent | None) -> int:
 
     try:
         runner = Place(plan.name).runner()
-        if runner and runner.is_there:  # else the lock may be free in a moment: `take` waits for that
+        if runner and runner.is_there:  # otherwise the lock is free in a moment: `take` waits for that
             return complain(
                 f"rcdeploy: {plan.name} is already running (process {runner.pid}); status: rcdeploy status {network}; "
                 f"changes: rcdeploy plan {network}; to stop it: rcdeploy down {network}"

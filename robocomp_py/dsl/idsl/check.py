@@ -269,7 +269,7 @@ class _Checker:
         for param in operation.params:
             self._check_type(param.type)
             if param.out and param.name.text == "ret" and (operation.returns or len(outputs) > 1):
-                beside = "a returned value" if operation.returns else "others would be taken for what is returned"
+                beside = "a returned value" if operation.returns else "others would count as the returned value"
                 self._error("duplicate", f"an output named `ret` beside {beside}", param.name.span, "rename it")
         self._check_param_defaults(operation)
         self._check_throws(operation)

@@ -80,7 +80,7 @@ class _Checker:
         state = self._known(parent)
         if state and state.final:
             message = f"`{parent}` is an end state: nothing can be in it"
-            self.report.error("leaves-end-state", message, parent.span, "", ("said to be one here", state.name.span))
+            self.report.error("leaves-end-state", message, parent.span, "", ("declared as one here", state.name.span))
         around = self._all_around(parent.text)
         if len(around) > MAX_NESTING:
             self.report.error("too-deep", f"nested deeper than {MAX_NESTING} levels", parent.span)
