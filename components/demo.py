@@ -1,12 +1,12 @@
 """Runs the rescue network to the end of its mission, and shows what carried messages.
 
 python components/demo.py                        about a minute
-python components/demo.py --fast                 the same story in ten seconds or so
-python components/demo.py --middleware zeromq    generated for that one, and no other
+python components/demo.py --fast                 the same story in about ten seconds
+python components/demo.py --middleware zeromq    generated for ZeroMQ only
 
-Everything happens in a copy of the folder, in which the components are generated anew:
-the checkout stays as it is. In the end the SHA-256 of the files that users write tells
-whether another middleware has changed any of them. The story is drawn, too.
+The demo generates and runs the components in a copy of the folder, so the checkout does
+not change. At the end, the SHA-256 of the files that users write shows that another
+middleware has changed none of them. The demo also draws the story.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ FAST = (
     "world.params.battery=31",
     "rescue.params.enough=40",
 )
-"""Five times faster. A busy machine may keep the mission waiting while the robot drives
-on for seconds: its battery lasts, and is low long before somebody can be met."""
+"""Five times faster. On a busy machine the mission may wait while the robot drives on
+for seconds. So the battery lasts longer, but is low before the robot meets the victim."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of rcdeploy: 0 if somebody was found and help was called."""
+    """Returns the exit code of rcdeploy: 0 if the victim was found."""
     options = _parser().parse_args(arguments)
     middleware = options.middleware or AUTO
     carried = carrier(middleware, AUTO)
     wrong = unfit(carried) or (
         unshared(carried, "world") if stays_inside(carried) else None
     )
-    if wrong:  # before anything is generated for it
+    if wrong:  # check before generating anything
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2
     before = written_by_users(HERE)
@@ -95,7 +95,7 @@ _NOT_COPIED = ("__pycache__", ".*", "*.svg")
 
 
 def written_by_users(folder: Path) -> dict[str, str]:
-    """The SHA-256 of everything that is not generated, by path."""
+    """The SHA-256 of each file that is not generated, by path."""
     files = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     return {
         str(path): hashlib.sha256((folder / path).read_bytes()).hexdigest()
@@ -108,7 +108,7 @@ def written_by_users(folder: Path) -> dict[str, str]:
 
 
 def proof(before: dict[str, str], after: dict[str, str], middleware: str) -> str:
-    """Whether the files of users are those that were there before, in words."""
+    """A sentence that says whether the files of users have changed."""
     names = before.keys() | after.keys()
     changed = sorted(name for name in names if before.get(name) != after.get(name))
     if changed:
@@ -121,7 +121,7 @@ def proof(before: dict[str, str], after: dict[str, str], middleware: str) -> str
 
 
 def carried_lines(plan: Plan, tally: Path) -> Iterator[str]:
-    """A line for each link: who uses what of whom, over what, and how many messages."""
+    """A line for each link: both ends, the middleware and the number of messages."""
     counted: Counter[tuple[str, str, str]] = Counter()
     for file in sorted(tally.glob("*.json")):
         for row in json.loads(file.read_text(encoding="utf-8")):

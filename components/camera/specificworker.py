@@ -1,4 +1,4 @@
-"""A camera on the robot's head: draws what would be seen from where the robot is."""
+"""A camera on the robot's head: draws the view from the robot's pose."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ TImage = RoboCompCameraSimple.TImage
 
 
 class SpecificWorker(GenericWorker):
-    """Takes a picture at every compute, from the newest pose it has been told."""
+    """Takes a picture at every compute, from the newest received pose."""
 
     def initialize(self) -> None:
-        """Learn the house, and wait to be told where in it the robot is."""
+        """Read the house. The pose is unknown until the first message."""
         self.house = read_house(Path(__file__).parent / self.params.map)
         angle = math.radians(self.params.field_of_view)
         self.lens = Lens(self.params.width, self.params.height, angle)
@@ -43,6 +43,6 @@ class SpecificWorker(GenericWorker):
     def CameraSimple_getImage(self) -> TImage:
         """The newest picture; HardwareFailedException before there is one."""
         if not self.picture:
-            reason = "no picture yet: nobody has said where the robot is"
+            reason = "no picture yet: the pose of the robot is unknown"
             raise RoboCompCameraSimple.HardwareFailedException(reason)
         return self.picture

@@ -1,8 +1,8 @@
-"""What is seen from a place in the house: a picture, drawn column by column.
+"""Draws the view from a place in the house, column by column.
 
-All in m and rad, with the axes of the map: x to the right, z up the page, headings
-from z towards x. Everything stands upright, so that one ray for each column of the
-picture is enough; what is nearer hides what is behind.
+Units are m and rad, with the axes of the map: x to the right, z up the page, headings
+from z towards x. All things stand upright, so one ray for each column of the picture
+is enough; nearer things hide those behind them.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class Things:
     height_m: float
     colour: Colour
     edges: Floats
-    """Rows of x, z where an edge begins and x, z where it ends."""
+    """Rows of x, z of the beginning of an edge, and x, z of its end."""
     posts: Floats
     """Rows of x, z, radius."""
 
 
 @dataclass(frozen=True)
 class House:
-    """What there is to see."""
+    """All visible things."""
 
     things: tuple[Things, ...]
     victim: tuple[float, float]
@@ -45,7 +45,7 @@ class House:
 
 @dataclass(frozen=True)
 class Lens:
-    """The size of the pictures, and how wide they look."""
+    """The size of the pictures, and their field of view."""
 
     width: int
     height: int
@@ -54,12 +54,12 @@ class Lens:
 
     @property
     def focal(self) -> float:
-        """How many pixels tall 1 m looks from 1 m away."""
+        """The height in pixels of 1 m at a distance of 1 m."""
         return self.width / 2 / math.tan(self.field_of_view / 2)
 
 
 def read_house(path: Path) -> House:
-    """The house of a map, furnished."""
+    """Read the house from a map, with its furniture."""
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     no_posts = np.empty((0, 3))
     walls = Things(2.4, WALL, _edges(data["walls"], closed=False), no_posts)
@@ -73,7 +73,7 @@ def read_house(path: Path) -> House:
 
 
 def render(house: House, lens: Lens, x: float, z: float, heading: float) -> Pixels:
-    """What a camera there sees: rows of pixels of red, green and blue."""
+    """The picture of a camera at this place: rows of pixels of red, green and blue."""
     columns = np.arange(lens.width) - (lens.width - 1) / 2
     rows = np.arange(lens.height, dtype=float) - (lens.height - 1) / 2
     aside = np.arctan(columns / lens.focal)
@@ -87,7 +87,7 @@ def render(house: House, lens: Lens, x: float, z: float, heading: float) -> Pixe
 
 
 class _Canvas:
-    """Pixels, and how far away what each shows is."""
+    """Pixels, and the distance of the thing that each shows."""
 
     def __init__(self, lens: Lens, rows: Floats) -> None:
         self.pixels = np.empty((lens.height, lens.width, 3), np.uint8)
@@ -95,7 +95,7 @@ class _Canvas:
         self._lens, self._rows = lens, rows
 
     def fill_ground(self, at: Floats, headings: Floats, stretch: Floats) -> None:
-        """A tiled floor below the horizon, a plain ceiling above."""
+        """Draw a tiled floor below the horizon, and a plain ceiling above."""
         depth = EYE_M * self._lens.focal / np.maximum(self._rows, 0.5)
         reach = depth * stretch
         tiles = np.floor((at[0] + reach * np.sin(headings)) * 2)
@@ -105,7 +105,7 @@ class _Canvas:
         self.pixels[self._rows[:, 0] < 0] = CEILING
 
     def draw_columns(self, things: Things, depth: Floats, light: Floats) -> None:
-        """Things that stand so far away in each column."""
+        """Draw things at this distance in each column."""
         scale = self._lens.focal / depth
         top = (EYE_M - things.height_m) * scale
         bottom = EYE_M * scale
@@ -116,7 +116,7 @@ class _Canvas:
         self._depth[where] = depth[where[1]]
 
     def draw_figure(self, ahead: float, aside: float) -> None:
-        """Somebody in red, waving, so far ahead and to the right."""
+        """Draw the victim, in red and waving, this far ahead and to the right."""
         if ahead < 0.1:
             return
         scale = self._lens.focal / ahead
@@ -135,7 +135,7 @@ class _Canvas:
 
 
 def _nearest(things: Things, at: Floats, headings: Floats) -> tuple[Floats, Floats]:
-    """How far it is to the first of these things, and how much light it gets."""
+    """The distance to the nearest of these things, and its brightness."""
     ray = np.stack([np.sin(headings), np.cos(headings)])[:, :, None]
     start = (things.edges[:, :2] - at).T[:, None]
     along = (things.edges[:, 2:] - things.edges[:, :2]).T[:, None]
@@ -166,7 +166,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _fade(depth: Floats) -> Floats:
-    """Less light comes from farther away."""
+    """The brightness at a distance: less light comes from farther away."""
     fading: Floats = 1 / (1 + 0.09 * depth)
     return fading
 
@@ -174,7 +174,7 @@ def _fade(depth: Floats) -> Floats:
 def _relative(
     place: tuple[float, float], x: float, z: float, heading: float
 ) -> tuple[float, float]:
-    """How far ahead a place is, and how far to the right."""
+    """A place, relative to the camera: how far ahead, and how far to the right."""
     dx, dz = place[0] - x, place[1] - z
     sin, cos = math.sin(heading), math.cos(heading)
     return dx * sin + dz * cos, dx * cos - dz * sin
@@ -219,5 +219,5 @@ FIGURE = np.array(
         )
     ]
 )
-"""Somebody who sits on the floor and waves, as seen from the front: red, and skin."""
+"""The victim, who sits on the floor and waves, from the front: red, and skin."""
 FIGURE_COLOURS = np.array([(0, 0, 0), (205, 35, 45), (236, 188, 150)], np.uint8)

@@ -1,1 +1,1 @@
-"""The mission: find somebody, and do not run out of battery."""
+"""The mission: find a victim before the battery is empty."""

@@ -1,4 +1,4 @@
-"""The mission: find somebody, and do not run out of battery before."""
+"""The mission: find a victim before the battery is empty."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from .vision import NOTHING, find_red, pixels_of
 
 
 class SpecificWorker(GenericWorker):
-    """`compute` goes on with the present step, until that chooses the next one:
+    """`compute` runs the present step, which chooses the next one:
 
-        get ready ▶ explore ▶ call for help ▶ wait until it was said
+        get ready ▶ explore ▶ call for help ▶ wait until said
                      │   ▲
                      ▼   │
            reach charger ▶ charge
 
-    A step chooses only after its calls: if one of them fails, the step is taken again.
+    A step chooses the next one after its calls: if a call fails, the step runs again.
     """
 
     def initialize(self) -> None:
-        """Nothing is known yet."""
+        """Begin without any data."""
         self.missing = {"a picture", "the battery", "the pose"}
         self.red = NOTHING
         self.percent = 0.0
@@ -29,21 +29,21 @@ class SpecificWorker(GenericWorker):
         self.step: Callable[[], None] = self.get_ready
 
     def compute(self) -> None:
-        """Go on with the present step."""
+        """Run the present step."""
         if not self.missing and self.percent <= 0:
             raise RuntimeError("the battery is empty: the mission has failed")
         self.step()
 
     def get_ready(self) -> None:
-        """Set out as soon as every publisher has sent a message."""
+        """Start exploring when every publisher has sent a message."""
         if not self.missing:
             self.gotopoint_proxy.go("anywhere", 0.0, 0.0, 0.0)
             self.log.info("exploring, with %.0f %% of the battery", self.percent)
             self.step = self.explore
 
     def explore(self) -> None:
-        """Look for somebody, as long as the battery lasts."""
-        if self.somebody_near:
+        """Look for a victim until the battery is low."""
+        if self.victim_is_near:
             self.step = self.call_for_help
         elif self.percent < self.params.low:
             x, z = self.params.charger_x * 1000, self.params.charger_z * 1000
@@ -54,40 +54,40 @@ class SpecificWorker(GenericWorker):
             self.step = self.reach_charger
 
     def reach_charger(self) -> None:
-        """Still look for somebody on the way."""
-        if self.somebody_near:
+        """Drive to the charger, and look for a victim on the way."""
+        if self.victim_is_near:
             self.step = self.call_for_help
         elif self.gotopoint_proxy.atTarget():
             self.log.info("at the charging station with %.0f %%", self.percent)
             self.step = self.charge
 
     def charge(self) -> None:
-        """Stay until there is enough."""
+        """Stay until the battery is charged."""
         if self.percent >= self.params.enough:
             self.log.info("battery charged")
             self.step = self.get_ready
 
     def call_for_help(self) -> None:
-        """Stop, and say what was found."""
+        """Stop the robot, and say where the victim is."""
         self.gotopoint_proxy.stop()
         self.differentialrobot_proxy.stopBase()
-        text = f"Somebody needs help near {self.place}"
+        text = f"A victim needs help near {self.place}"
         if self.speech_proxy.say(text, overwrite=True):
-            self.log.info("found somebody near %s: calling for help", self.place)
+            self.log.info("found a victim near %s: calling for help", self.place)
             self.step = self.wait_until_said
 
     def wait_until_said(self) -> None:
-        """The mission ends when everybody has heard it."""
+        """End the mission when the text was spoken."""
         if not self.speech_proxy.isBusy():
             self.log.info("help was called: the mission is over")
             self.stop()
 
     @property
-    def somebody_near(self) -> bool:
+    def victim_is_near(self) -> bool:
         return self.red.height >= self.params.near
 
     def CameraSimplePub_pushImage(self, image: RoboCompCameraSimple.TImage) -> None:
-        """Whoever is to be found wears red."""
+        """Look for red pixels, because the victim wears red."""
         self.red = find_red(pixels_of(image.image, image.width, image.height))
         self.missing.discard("a picture")
 

@@ -1,4 +1,4 @@
-"""Red things in a picture."""
+"""Finds red objects in a picture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Blob:
-    """How many pixels are red, and over how many rows and columns they reach."""
+    """The number of red pixels, and the number of rows and columns that they span."""
 
     area: int
     height: int
@@ -28,7 +28,7 @@ def pixels_of(data: ArrayLike, width: int, height: int) -> Pixels:
 
 
 def find_red(pixels: Pixels) -> Blob:
-    """What is much more red than green and blue."""
+    """Find pixels that are much more red than green and blue."""
     red, green, blue = np.moveaxis(pixels.astype(np.int16), 2, 0)
     mask = (red > 100) & (red > 2 * green) & (red > 2 * blue)
     if not mask.any():
@@ -37,6 +37,6 @@ def find_red(pixels: Pixels) -> Blob:
 
 
 def _extent(hit: NDArray[np.bool_]) -> int:
-    """From the first to the last."""
+    """The distance from the first hit to the last, both included."""
     where = np.flatnonzero(hit)
     return int(where[-1] - where[0]) + 1

@@ -8,10 +8,10 @@ from .generic.genericworker import GenericWorker
 
 
 class SpecificWorker(GenericWorker):
-    """Every word takes `computes_per_word` computes; one text is said at a time."""
+    """Each word takes `computes_per_word` computes. One text is spoken at a time."""
 
     def initialize(self) -> None:
-        """Silent at first."""
+        """Begin silent."""
         self.text = ""
         self.words: deque[str] = deque()
         self.pause = 0
@@ -28,7 +28,7 @@ class SpecificWorker(GenericWorker):
             self.text = ""
 
     def Speech_say(self, text: str, overwrite: bool) -> bool:
-        """Begin to say a text. Another one is interrupted only with `overwrite`."""
+        """Begin to say a text. Interrupts the present one only with `overwrite`."""
         if self.text and not overwrite:
             return False
         self.text, self.words, self.pause = text, deque(text.split()), 0

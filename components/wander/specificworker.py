@@ -1,9 +1,9 @@
-"""Drives a robot around, or to a place, and past whatever is in the way.
+"""Drives a robot around, or to a place, and avoids obstacles.
 
 rest      stands still: at first, and after `stop`
-explore   follows the walls: after a `go` to "anywhere", wherever x, y and alpha point.
-          Each time it has the other hand at the wall than the time before, so that two
-          explorations from one place come to different parts of the house.
+explore   follows the walls: after a `go` to "anywhere", which ignores x, y and alpha.
+          It follows the left and the right wall in turn, so that two explorations from
+          one place reach different parts of the house.
 approach  drives to the x, y and alpha of any other `go`, then rests
 spin      turns on the spot: after `turn`
 """
@@ -26,7 +26,7 @@ ALPHA_TOLERANCE_RAD = 0.1
 
 @dataclass(frozen=True)
 class Target:
-    """A place to go to, in m, and where to look there, in rad."""
+    """A place to go to, in m, and the heading there, in rad."""
 
     x: float
     z: float
@@ -34,12 +34,12 @@ class Target:
 
 
 class SpecificWorker(GenericWorker):
-    """`compute` does what handlers have chosen, and it alone drives: so nothing drives
-    on after `stop`, although handlers are let in while it waits for an answer.
+    """Handlers choose a mode, and only `compute` drives. So the robot never drives on
+    after `stop`, although handlers may run while `compute` waits for a reply.
     """
 
     def initialize(self) -> None:
-        """Begin as configured."""
+        """Explore or rest, as configured."""
         self.scan: Scan | None = None
         self.hand = RIGHT
         self.target = Target(0.0, 0.0, 0.0)
@@ -52,25 +52,25 @@ class SpecificWorker(GenericWorker):
             self.GotoPoint_go(ANYWHERE, 0.0, 0.0, 0.0)
 
     def compute(self) -> None:
-        """Do what was chosen last."""
+        """Run the mode that was chosen last."""
         self.doing()
 
     def rest(self) -> None:
-        """Stop once; then there is nothing more to do."""
+        """Stop the base once."""
         if self.moving:
             self.differentialrobot_proxy.stopBase()
             self.moving = False
 
     def explore(self) -> None:
-        """Every scan is used once. Without new ones the base stops by itself."""
+        """Use every scan once. Without new scans the base stops by itself."""
         if self.scan:
             scan, self.scan = self.scan, None
             self.drive(*speeds(along_wall(scan, self.hand), self.params.speed))
 
     def approach(self) -> None:
-        """Drive on towards the target; when there, turn to where to look."""
+        """Drive towards the target; when there, turn to its heading."""
         scan, state = self.laser_proxy.getLaserAndBStateData()
-        if self.doing != self.approach:  # something else was chosen meanwhile
+        if self.doing != self.approach:  # a handler has chosen another mode meanwhile
             return
         x, z = state.correctedX / 1000, state.correctedZ / 1000
         dx, dz = self.target.x - x, self.target.z - z
@@ -89,11 +89,11 @@ class SpecificWorker(GenericWorker):
             self.doing = self.rest
 
     def spin(self) -> None:
-        """Say it again and again: the base stops if it hears nothing."""
+        """Repeat the command, because the base stops without new ones."""
         self.drive(0.0, self.spinning)
 
     def drive(self, adv: float, rot: float) -> None:
-        """m/s and rad/s."""
+        """Set the speeds of the base, in m/s and rad/s."""
         self.moving = True
         self.differentialrobot_proxy.setSpeedBase(adv * 1000, rot)
 
@@ -130,5 +130,5 @@ def _scan_of(measures: RoboCompLaser.TLaserData) -> Scan:
 
 
 def _turn(heading: float, wanted: float) -> float:
-    """How far to turn from one heading to another, the shorter way."""
+    """The angle from one heading to another, the shorter way."""
     return math.remainder(wanted - heading, math.tau)

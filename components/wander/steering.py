@@ -14,32 +14,32 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 CLEARANCE_M = 0.40
-"""Nothing may come nearer to the robot's middle."""
+"""The least distance of obstacles from the robot's centre."""
 
 LOOKAHEAD_M = 0.9
-"""A direction is free if so much of the way is."""
+"""A direction is free if this much of the way is free."""
 
 WALL_M = 1.4
-"""What is nearer than this, on the hand's side, is the wall to follow."""
+"""A thing nearer than this, on the side of the hand, is the wall to follow."""
 
 ASTRAY_RAD = 0.8
-"""So far from the direction of a place, one does not get nearer to it."""
+"""Driving this far off the direction of a place does not bring it nearer."""
 
 TURN_RAD = 1.4
-"""With so much to turn, the robot turns on the spot."""
+"""If it must turn by more, the robot turns on the spot."""
 
 TURNING = 2.5
 """rad/s for every rad to turn."""
 
 LEFT, RIGHT = -1, 1
-"""Which hand is at the wall."""
+"""The side of the wall that is followed."""
 
 DIRECTIONS = np.radians(np.arange(-110, 111, 5))
 
 
 @dataclass(frozen=True)
 class Scan:
-    """What the laser saw: as many distances as directions."""
+    """A scan of the laser: a distance for each direction."""
 
     directions: Floats
     distances: Floats
@@ -47,14 +47,14 @@ class Scan:
 
 @dataclass(frozen=True)
 class Way:
-    """Where to turn, and how much of the way straight ahead is free."""
+    """The angle to turn, and how much of the way straight ahead is free."""
 
     direction: float
     ahead_m: float
 
 
 def along_wall(scan: Scan, hand: int) -> Way:
-    """Past the nearest thing at that hand; straight on if nothing is near."""
+    """The way past the nearest thing on that side; straight on if nothing is near."""
     beside = scan.directions * hand > -math.radians(20)
     nearest = scan.distances[beside].argmin()
     if scan.distances[beside][nearest] > WALL_M:
@@ -64,8 +64,8 @@ def along_wall(scan: Scan, hand: int) -> Way:
 
 
 class Course:
-    """The way to a place: straight, or a little beside what stands between. If that is
-    not enough, with a hand along it, until the place is nearer and in sight.
+    """The way to a place: straight, or closely past an obstacle. If that is not enough,
+    along the obstacle as along a wall, until the place is nearer and in sight.
     """
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class Course:
         self._met_m: float | None = None
 
     def way(self, scan: Scan, bearing: float, distance: float) -> Way:
-        """Where to turn if the place is in that direction and so far away."""
+        """The way to a place in this direction and at this distance."""
         straight = _straight(scan, bearing, distance)
         if self._met_m is not None:
             if not straight or distance > self._met_m:
@@ -92,14 +92,14 @@ class Course:
 
 
 def speeds(way: Way, fastest: float) -> tuple[float, float]:
-    """m/s and rad/s: the slower, the more there is to turn and the less room ahead."""
+    """Speeds in m/s and rad/s: slower for larger turns and for less room ahead."""
     straightness = max(0.0, 1 - abs(way.direction) / TURN_RAD)
     room = min(max(way.ahead_m / LOOKAHEAD_M, 0.0), 1.0)
     return fastest * straightness * room, TURNING * way.direction
 
 
 def free_m(scan: Scan, directions: Floats) -> Floats:
-    """How far one can drive in each direction before something comes too near."""
+    """How far the robot can drive in each direction before something is too near."""
     between = scan.directions[None] - directions[:, None]
     ahead = scan.distances * np.cos(between)
     aside = scan.distances * np.sin(between)
@@ -110,7 +110,7 @@ def free_m(scan: Scan, directions: Floats) -> Floats:
 
 
 def _straight(scan: Scan, bearing: float, distance: float) -> Way | None:
-    """Straight to a place; None if something stands in the way."""
+    """The straight way to a place; None if something is in the way."""
     towards, ahead = free_m(scan, np.array([bearing, 0.0]))
     seen = abs(bearing) <= DIRECTIONS[-1]
     if seen and towards < min(distance, LOOKAHEAD_M):
@@ -119,7 +119,7 @@ def _straight(scan: Scan, bearing: float, distance: float) -> Way | None:
 
 
 def _nearest_free(scan: Scan, among: Floats, wanted: float, hand: int) -> Way:
-    """The free direction nearest to the one wanted; if none is, away from the hand."""
+    """The free direction nearest to the wanted one; without any, away from the hand."""
     free = among[free_m(scan, among) >= LOOKAHEAD_M]
     if not free.size:
         return Way(-hand * math.pi / 2, 0.0)

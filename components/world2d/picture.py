@@ -1,7 +1,6 @@
-"""What happened, as a picture: the house, what was seen of it, the way, the battery.
+"""Draws the story as an SVG: the house, the part that was seen, the way, the battery.
 
-An SVG text. The floor is lit where the laser has been; the way has the colour of the
-battery.
+The floor is lit where the laser has been; the way has the colour of the battery.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from .room import VICTIM_RADIUS_M, Point, Room
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Where the robot was, and what its battery held."""
+    """The pose of the robot, and the charge of its battery."""
 
     time_s: float
     pose: Pose
@@ -26,7 +25,7 @@ class Moment:
 
 
 class Story:
-    """What is remembered for the picture: bounded, so that it may go on for days."""
+    """The data for the picture. It is bounded, so a simulation may run for days."""
 
     def __init__(self) -> None:
         self.time_s = 0.0
@@ -38,7 +37,7 @@ class Story:
     def note(
         self, seconds: float, pose: Pose, percent: float, seen: Sequence[Point]
     ) -> None:
-        """So many seconds later the robot is there, and sees as far as these places."""
+        """Add the pose and the visible places after this number of seconds."""
         self.time_s += seconds
         if self.moments:
             self.driven_m += math.dist(self.moments[-1].pose.place, pose.place)
@@ -54,7 +53,7 @@ def draw(room: Room, story: Story) -> str:
 
 
 class _Paper:
-    """Where things of the house come to lie, in pixels."""
+    """Converts places of the house to pixels."""
 
     def __init__(self, room: Room) -> None:
         corners = [corner for line in room.walls for corner in line]
@@ -96,7 +95,7 @@ def _lines(paper: _Paper, room: Room, story: Story) -> Iterator[str]:
 
 
 def _title(paper: _Paper, story: Story) -> Iterator[str]:
-    yield _text("A robot looks for somebody", MARGIN, 40, size=26, weight="bold")
+    yield _text("A robot looks for a victim", MARGIN, 40, size=26, weight="bold")
     told = f"{story.driven_m:.1f} m driven in {story.time_s:.0f} s"
     yield _text(told, MARGIN, 64, size=15, fill=FAINT)
     right = MARGIN + paper.house_width
@@ -109,7 +108,7 @@ def _title(paper: _Paper, story: Story) -> Iterator[str]:
 
 
 def _floor(paper: _Paper, story: Story) -> Iterator[str]:
-    """Dark, and lit where the laser has been."""
+    """The floor: dark, and lit where the laser has been."""
     house: dict[str, float] = {
         "x": MARGIN,
         "y": HEAD,
@@ -173,7 +172,7 @@ def _furniture(paper: _Paper, room: Room) -> Iterator[str]:
 
 
 def _way(paper: _Paper, room: Room, moments: Sequence[Moment]) -> Iterator[str]:
-    """A line in the battery's colours, with a mark every ten seconds."""
+    """The way: a line in the battery's colours, with a mark every ten seconds."""
     line: dict[str, str | float] = {
         "fill": "none",
         "stroke_linejoin": "round",
@@ -206,7 +205,7 @@ def _way(paper: _Paper, room: Room, moments: Sequence[Moment]) -> Iterator[str]:
 
 
 def _by_colour(moments: Sequence[Moment]) -> Iterator[tuple[str, Sequence[Moment]]]:
-    """Parts of the way that have one colour; each begins where the last one ended."""
+    """Parts of the way with one colour; each begins at the end of the previous one."""
     begin = 0
     for index in range(1, len(moments) + 1):
         colour = battery_colour(moments[begin].percent)
@@ -291,7 +290,7 @@ def _text(
     anchor: str = "start",
     halo: bool = False,
 ) -> str:
-    """Words; with a halo they can be read on any ground."""
+    """A text; with a halo it can be read on any background."""
     tag = _tag("text", x=x, y=y, font_size=size, font_weight=weight, text_anchor=anchor)
     words = f'{tag[:-2]} fill="{fill or INK}">{text}</text>'
     if halo:

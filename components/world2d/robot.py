@@ -1,6 +1,6 @@
-"""The robot: a base that drives as it is told, and a battery that pays for it.
+"""The robot: a base that follows commands, and a battery that is drained by driving.
 
-All in m, rad and s, with the headings of `room`.
+Units are m, rad and s, with the headings of `room`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Pose:
         return self.x, self.z
 
     def ahead(self, distance: float, aside: float = 0.0) -> Point:
-        """The place so far away, in a direction measured from the heading."""
+        """The place at this distance, in a direction relative to the heading."""
         heading = self.heading + aside
         return (
             self.x + distance * math.sin(heading),
@@ -35,15 +35,15 @@ class Pose:
         )
 
     def moved(self, distance: float, turn: float) -> Pose:
-        """After driving and turning at once: half the turn before, half after."""
+        """The pose after a curve: half the turn, the way, the other half."""
         x, z = self.ahead(distance, turn / 2)
         return Pose(x, z, math.remainder(self.heading + turn, math.tau))
 
 
 class Base:
-    """A disc with two wheels. It stops at what is in its way, and never gets into it.
+    """A disc with two wheels. It stops at obstacles, and never overlaps them.
 
-    `pose` is where it is, `odometer` and `best` are where it believes to be.
+    `pose` is the true pose; `odometer` and `best` are estimates.
     """
 
     def __init__(self, room: Room, max_adv: float, max_rot: float) -> None:
@@ -58,13 +58,13 @@ class Base:
         return bool(self.adv or self.rot)
 
     def command(self, adv: float, rot: float) -> None:
-        """Drive with these speeds, as far as it can drive as fast."""
+        """Drive with these speeds, limited to the fastest possible ones."""
         self.adv = min(max(adv, -self._max_adv), self._max_adv)
         self.rot = min(max(rot, -self._max_rot), self._max_rot)
         self._age = 0.0
 
     def step(self, seconds: float) -> tuple[float, float]:
-        """Let so many seconds pass; how far it drove and turned, neither negative."""
+        """Let these seconds pass. Returns the driven distance and the turned angle."""
         if self._age >= COMMAND_LASTS_S:
             self.adv = self.rot = 0.0
         self._age += seconds
@@ -76,7 +76,7 @@ class Base:
         return abs(way), abs(turn)
 
     def _free(self, wanted: float, turn: float) -> float:
-        """How much of a way is free, in pieces too short to jump over anything."""
+        """The free part of a way, checked in pieces too short to skip an obstacle."""
         pieces = math.ceil(abs(wanted) / (RADIUS_M / 2))
         free = 0.0
         for piece in range(1, pieces + 1):
@@ -87,7 +87,7 @@ class Base:
         return free
 
     def _contact(self, free: float, blocked: float, turn: float) -> float:
-        """The way until it touches, to a thousandth of a piece."""
+        """The way to the contact, to a thousandth of a piece."""
         for _ in range(10):
             middle = (free + blocked) / 2
             if self._fits(middle, turn):
@@ -102,7 +102,7 @@ class Base:
 
 @dataclass(slots=True)
 class Battery:
-    """What is left, in %. Being awake costs a little, driving and turning cost more."""
+    """The charge in %. Driving and turning drain it more than standing still."""
 
     percent: float
     capacity_wh: float = 1.0
@@ -113,7 +113,7 @@ class Battery:
     def step(
         self, seconds: float, driven: float, turned: float, *, charging: bool
     ) -> None:
-        """What so many seconds, m and rad take, and what the charger gives."""
+        """Subtract the cost of these seconds, m and rad; add the gain of charging."""
         before = self.percent
         used = AWAKE * seconds + DRIVING * driven + TURNING * turned
         gained = CHARGING * seconds if charging else 0.0
@@ -132,17 +132,17 @@ class Battery:
 
     @property
     def voltage(self) -> float:
-        """V; it sinks a little as the battery empties."""
+        """In V; it falls slightly as the battery empties."""
         return 22.0 + 0.04 * self.percent
 
     @property
     def power(self) -> float:
-        """W that flow into it."""
+        """The power that flows into it, in W."""
         return self.rate / 100 * self.capacity_wh * 3600
 
     @property
     def seconds_to_go(self) -> float:
-        """Until it is full or empty, if all stays as of late; 0 if nothing flows."""
+        """The time until it is full or empty at the recent rate; 0 if nothing flows."""
         if not self.rate:
             return 0.0
         return ((100 if self.rate > 0 else 0) - self.percent) / self.rate

@@ -1,6 +1,6 @@
-"""A house seen from above: what can be bumped into, and how far away it is.
+"""A house seen from above: its obstacles, and the distances to them.
 
-All in m, x to the right and z up the page. Headings are in rad: 0 looks along z, and
+Units are m, x to the right and z up the page. Headings are in rad: 0 is along z, and
 they grow towards x.
 """
 
@@ -36,14 +36,14 @@ class Room:
     pillars: tuple[tuple[float, float, float], ...] = ()
 
     def distances(self, at: Point, headings: Floats, reach: float) -> Floats:
-        """How far it is to the first thing in each heading, at most `reach`."""
+        """The distance to the nearest thing in each heading, at most `reach`."""
         rays = np.stack([np.sin(headings), np.cos(headings)], axis=1)
         straight = _to_walls(rays, self._from - at, self._along)
         round_ = _to_circles(rays, self._centres - at, self._radii)
         return np.minimum(np.minimum(straight, round_), reach)
 
     def clearance(self, at: Point) -> float:
-        """How far it is to the nearest thing."""
+        """The distance to the nearest thing."""
         to_start = self._from - at
         lengths = np.einsum("ij,ij->i", self._along, self._along)
         share = -np.einsum("ij,ij->i", to_start, self._along) / lengths
@@ -55,7 +55,7 @@ class Room:
 
     @cached_property
     def _corners(self) -> Floats:
-        """Walls and edges of furniture: where each begins and ends."""
+        """The two ends of each wall and of each edge of furniture."""
         lines = [*self.walls, *((*area, area[0]) for area in self.furniture)]
         pairs = [pair for line in lines for pair in pairwise(line)]
         return np.array(pairs, dtype=float)
@@ -106,7 +106,7 @@ def _point(data: Sequence[float]) -> Point:
 
 
 def _to_walls(rays: Floats, starts: Floats, along: Floats) -> Floats:
-    """Where each ray first meets a wall: ray * t = start + along * share."""
+    """The distance at which each ray meets a wall: ray * t = start + along * share."""
     turning = _cross(rays[:, None], along[None])
     with np.errstate(divide="ignore", invalid="ignore"):  # parallel: no meeting
         t = _cross(starts, along)[None] / turning
@@ -117,7 +117,7 @@ def _to_walls(rays: Floats, starts: Floats, along: Floats) -> Floats:
 
 
 def _to_circles(rays: Floats, centres: Floats, radii: Floats) -> Floats:
-    """Where each ray first meets a circle."""
+    """The distance at which each ray meets a circle."""
     ahead = rays @ centres.T
     aside = _cross(rays[:, None], centres[None])
     inside = radii**2 - aside**2

@@ -1,7 +1,7 @@
 """A house with a robot in it, seen from above.
 
-The world's time goes on by `step` seconds with every compute, however long that takes
-here: with a shorter period everything happens faster, and nothing else changes.
+Every compute advances the world's time by `step` seconds, however long it really takes.
+With a shorter period everything happens faster, and nothing else changes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class SpecificWorker(GenericWorker):
     """Uses metres inside; messages are in millimetres, as in RoboComp."""
 
     def initialize(self) -> None:
-        """Put the robot where the map says."""
+        """Put the robot at its place in the map."""
         self.room = read_room(Path(__file__).parent / self.params.map)
         self.base = Base(self.room, self.params.max_adv, self.params.max_rot)
         self.battery = Battery(self.params.battery, self.params.capacity)
@@ -48,14 +48,14 @@ class SpecificWorker(GenericWorker):
         self.batterystatuspub_proxy.pushBatteryState(self.battery_state())
 
     def finish(self) -> None:
-        """Draw what happened, if a picture is wanted."""
+        """Draw the story, if a picture is configured."""
         if self.params.picture:
             path = Path(self.params.picture).resolve()
             path.write_text(draw(self.room, self.story), encoding="utf-8")
             self.log.info("what happened is drawn in %s", path)
 
     def live(self, seconds: float) -> None:
-        """Drive, pay for it, and look around."""
+        """Drive, drain the battery, and measure."""
         if self.battery.empty:
             self.base.command(0.0, 0.0)
         driven, turned = self.base.step(seconds)
@@ -67,21 +67,21 @@ class SpecificWorker(GenericWorker):
             self.story.note(seconds, pose, percent, self.beam_ends())
 
     def measured(self) -> Floats:
-        """m to what is in each direction, as the laser measures it."""
+        """The distances in m that the laser measures."""
         pose = self.base.pose
         exact = self.room.distances(pose.place, pose.heading + self.directions, REACH_M)
         noise = self.random.normal(0.0, self.params.noise / 1000, exact.size)
         return np.clip(exact + noise, 0.0, REACH_M)
 
     def beam_ends(self) -> list[Point]:
-        """The places the laser saw."""
+        """The places that the laser has hit."""
         beams = zip(self.distances, self.directions, strict=True)
         return [self.base.pose.ahead(distance, aside) for distance, aside in beams]
 
     # Published data.
 
     def scan(self) -> RoboCompLaser.TLaserData:
-        """The last measures."""
+        """The last scan."""
         angles, distances = self.directions.tolist(), (self.distances * 1000).tolist()
         return list(map(RoboCompLaser.TData, angles, distances))
 
@@ -101,7 +101,7 @@ class SpecificWorker(GenericWorker):
         )
 
     def battery_state(self) -> TBattery:
-        """What the battery holds."""
+        """The state of the battery."""
         at_charger = (
             BatteryStates.Charged if self.battery.full else BatteryStates.Charging
         )
@@ -118,7 +118,7 @@ class SpecificWorker(GenericWorker):
     # Handlers.
 
     def DifferentialRobot_setSpeedBase(self, adv: float, rot: float) -> None:
-        """Drive with these speeds for at most a second of the world's time."""
+        """Drive with these speeds, for a second of world time at most."""
         self.base.command(adv / 1000, rot)
 
     def DifferentialRobot_stopBase(self) -> None:
@@ -155,7 +155,7 @@ class SpecificWorker(GenericWorker):
         return self.scan(), self.base_state()
 
     def Laser_getLaserConfData(self) -> RoboCompLaser.LaserConfData:
-        """The laser as it was configured."""
+        """The configuration of the laser."""
         return RoboCompLaser.LaserConfData(
             driver="world2d",
             device=self.params.map,

@@ -13,7 +13,7 @@ EVENTS = (
     "battery low",
     "at the charging station",
     "battery charged",
-    "found somebody",
+    "found a victim",
     "help was called",
 )
 

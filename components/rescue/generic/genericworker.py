@@ -60,7 +60,7 @@ class GenericWorker(Worker[Params]):
         ),
         params=PARAMS,
         period=0.1,
-        description="The mission: find somebody, and do not run out of battery.",
+        description="The mission: find a victim before the battery is empty.",
     )
     middleware = "auto"
 

@@ -18,7 +18,7 @@ class Params(Parameters):
     charger_alpha: float = 3.14  # rad, where to look there, -6.3 to 6.3
     low: float = 30.0  # % of the battery at which to go there, 1.0 to 90.0
     enough: float = 95.0  # % of the battery at which to leave it, 10.0 to 100.0
-    near: int = 60  # pixels that somebody who is near enough is tall, 5 to 1000
+    near: int = 60  # height in pixels of a victim that is near enough, 5 to 1000
 
     __spec__: ClassVar[ParameterSet]
 
@@ -72,7 +72,7 @@ Params.__spec__ = ParameterSet(
             60,
             minimum=5,
             maximum=1000,
-            description="pixels that somebody who is near enough is tall",
+            description="height in pixels of a victim that is near enough",
         ),
     ),
     python=Params,
