@@ -41,7 +41,7 @@ FAST = (
     "rescue.params.enough=40",
 )
 """Five times faster. On a busy machine the mission may wait while the robot drives on
-for seconds. So the battery lasts longer, but is low before the robot meets the victim."""
+for seconds. So the battery lasts, and is low before the robot meets the victim."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
