@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import logging
 import queue
 import threading
 import time
@@ -21,10 +20,10 @@ from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from functools import partial
-from typing import TypeVar
+from typing import Any, NamedTuple
 
 from ..contract.interface import Pattern
-from ..errors import AlreadyServed, Closed, ConfigurationError, ContractMismatch, Timeout, Unreachable
+from ..errors import AlreadyServed, Closed, ConfigurationError, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
 from ..wire.names import matches
@@ -35,26 +34,21 @@ from .base import (
     Service,
     Sink,
     Source,
-    Statistics,
     Status,
     SupportsHeard,
     SupportsSources,
     TransportConfig,
     depth_of,
-    mismatch,
     options_of,
     pass_on,
 )
 from .deployment import Deployment, Near
-from .leader_followers import Job, Lane, LeaderFollowers, Servant, abandoned
+from .leader_followers import Job, Lane, LeaderFollowers, Servant
 from .limits import COMMANDS_WAITING, QUERIES_WAITING
+from .link import BaseLink, BaseTransport, Ends
 from .pending import Pending
 from .reception import Reception
 from .turns import Turns
-
-log = logging.getLogger("robocomp.transport.inproc")
-
-L = TypeVar("L", bound="_Link")
 
 PROMPT = 0.001
 """Maximum seconds of a service that calling threads may run."""
@@ -73,41 +67,29 @@ class _Bus:
     """All links of the transports that share a bus. Its lock is never held while calling out."""
 
     def __init__(self) -> None:
-        self.changed = threading.Condition()
+        self.lock = threading.RLock()
         self.version = 0
         """Grows with every link that comes or goes."""
         self.links: list[_Link] = []
 
-    def add(self, link: _Link) -> None:
-        """Raises AlreadyServed if the link serves a channel that is served already."""
-        with self.changed:
-            if link.alone and any(type(other) is type(link) and other.meets(link) for other in self.links):
-                raise AlreadyServed(f"{link.channel.name}: already served")
-            self.links.append(link)
-            self.version += 1
-            faced = [other for other in self.links if isinstance(other, link.facing) and other.meets(link)]
-            self.changed.notify_all()
-        for other in faced:
-            if all((link.compare(other), other.compare(link))):
-                link.met(other)
-                other.met(link)
 
-    def moved_on(self, version: int) -> bool:
-        """Whether a link has come or gone since that version."""
-        return self.version != version
+class _Seen(NamedTuple):
+    """A link, as its peers see it."""
 
-    def remove(self, link: _Link) -> None:
-        with self.changed:
-            if link in self.links:
-                self.links.remove(link)
-            self.version += 1
-            self.changed.notify_all()
+    link: Any
+    channel: str
+    fingerprint: int
+    text: str
+
+    @property
+    def key(self) -> int:
+        return id(self.link)
 
 
 _BUSES: dict[str, _Bus] = defaultdict(_Bus)
 
 
-class InprocTransport:
+class InprocTransport(BaseTransport[_Seen]):
     """Option `bus`: the name of the bus to join. Option `hand_over`: no calling thread runs a service.
 
     It covers calls to this transport and calls from it.
@@ -116,43 +98,34 @@ class InprocTransport:
     capabilities = ANY_QOS
 
     def __init__(self, config: TransportConfig) -> None:
+        super().__init__()
         self.codec: Codec = Identity()
         options = options_of(config, bus="default", hand_over=False)
         self.hand_over = options["hand_over"]
         if type(self.hand_over) is not bool:
             raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
-        self._bus, self._owner = _BUSES[options["bus"]], config.owner or "inproc"
-        self._links: list[_Link] = []
-        self._closed = False
+        self.bus, self.owner = _BUSES[options["bus"]], config.owner or "inproc"
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
         """Whether the receiving thread is about to check for overdue calls."""
         self._threads = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._threads.start()
 
-    def outlet(self, channel: Channel) -> _Outlet:
-        return self._open(_Outlet(self, self._bus, channel))
+    def find(self, role: str, channel: str) -> list[_Seen]:
+        with self.bus.lock:
+            there = [link.seen for link in self.bus.links if link.role == role]
+        return [each for each in there if matches(each.channel, channel) or matches(channel, each.channel)]
 
-    def inlet(self, channel: Channel, sink: Sink) -> _Inlet:
-        return self._open(_Inlet(self, self._bus, channel, sink))
-
-    def caller(self, channel: Channel) -> _Caller:
-        return self._open(_Caller(self, self._bus, channel))
-
-    def server(self, channel: Channel, service: Service) -> _Server:
-        return self._open(_Server(self, self._bus, channel, service))
+    def is_own(self, peer: _Seen) -> bool:
+        return peer.link.transport is self
 
     @property
     def idle(self) -> bool:
         """Whether the sinks have handled everything that was sent to the inlets."""
         return all(link.lane.idle for link in list(self._links) if isinstance(link, _Inlet))
 
-    def close(self) -> None:
-        self._closed = True
-        with contextlib.ExitStack() as everything:
-            everything.callback(self._threads.close)
-            for link in list(self._links):
-                everything.callback(link.close)
+    def release(self, everything: contextlib.ExitStack) -> None:
+        everything.callback(self._threads.close)
 
     def do(self, job: Job) -> None:
         """Have a thread of this transport run a job."""
@@ -164,118 +137,60 @@ class InprocTransport:
             self._will_look = True
             self._work.put(_nothing)
 
-    def left(self, link: _Link) -> None:
-        with contextlib.suppress(ValueError):  # closed a second time
-            self._links.remove(link)
-
     def _receive(self) -> Iterable[Job]:
         self._will_look = False  # before the check: later calls are seen by it or request another one
         waits = [link.pending.expire(self.do) for link in list(self._links) if isinstance(link, _Caller)]
         try:
             return (self._work.get(timeout=min([_LOOK, *(wait for wait in waits if wait is not None)])),)
         except queue.Empty:
-            if abandoned():
-                log.warning("%s: not closed at the end of the program; closing", self._owner)
-                self.close()
+            self.close_if_abandoned()
             return ()
-
-    def _open(self, link: L) -> L:
-        if self._closed:
-            raise Closed("the transport is closed")
-        self._bus.add(link)
-        self._links.append(link)
-        try:
-            link.opened()
-            if self._closed:
-                raise Closed("the transport is closed")
-        except BaseException:
-            link.close()
-            raise
-        return link
 
 
 def _nothing() -> None: ...
 
 
-class _Link:
-    """One end of a channel; `facing` is the class of the other end."""
+class _Link(BaseLink[InprocTransport, _Seen]):
+    """One end of a channel."""
 
-    facing: type[_Link]
+    sides: tuple[str, str]
+    """This end and the other one. Links of different patterns do not meet."""
     alone = False
     """Whether a channel may have only one such link."""
 
-    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
-        self.transport, self.channel = transport, channel
-        self.stats = Statistics()
-        self.closed = False
-        self._bus = bus
-        self._reported: set[int] = set()
+    def __init__(self, transport: InprocTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
+        self.role, self.facing = (f"{channel.pattern} {side}" for side in self.sides)
+        self.seen = _Seen(self, channel.name, channel.type.fingerprint, channel.type.text)
+        self._bus = transport.bus
 
-    def opened(self) -> None: ...
+    def open(self) -> None:
+        with self._bus.lock:
+            if self.alone and self.matching(self.role):
+                raise AlreadyServed(f"{self.channel.name}: already served")
+            self._bus.links.append(self)
+            self._bus.version += 1
+        for link in (self, *(peer.link for peer in self.faced())):
+            link.look()
+            link.has_news()
 
-    def met(self, other: _Link) -> None:
-        """A peer with the same contract has come."""
-
-    def peers(self) -> list[_Link]:
-        """The peers with the same contract. Raises ContractMismatch if there are only others."""
-        with self._bus.changed:
-            named = [other for other in self._bus.links if isinstance(other, self.facing) and self.meets(other)]
-        same = [other for other in named if self.compare(other)]
-        if named and not same:
-            raise ContractMismatch(mismatch(self.channel, named[0].channel.type))
-        return same
-
-    def peers_or_none(self) -> list[_Link]:
-        try:
-            return self.peers()
-        except ContractMismatch:
-            return []
-
-    def wait_peer(self, timeout: float) -> bool:
-        deadline = time.monotonic() + timeout
-        while True:
-            self.check_open()
-            seen = self._bus.version  # before the look, so that a peer that comes meanwhile is noticed
-            if self.peers():
-                return True
-            left = max(0.0, deadline - time.monotonic())
-            with self._bus.changed:
-                if not self._bus.changed.wait_for(partial(self._bus.moved_on, seen), left):
-                    return False
-
-    def close(self) -> None:
-        self.closed = True
-        self._bus.remove(self)
-        self.transport.left(self)
-
-    def check_open(self) -> None:
-        if self.closed:
-            raise Closed(self.channel.name)
-
-    def meets(self, other: _Link) -> bool:
-        """Whether the other end has a matching channel. With `*`, links of the same transport do not match."""
-        mine, theirs = self.channel, other.channel
-        same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
-        itself = self.transport is other.transport and mine.name != theirs.name
-        return same_name and not itself and mine.pattern is theirs.pattern and not other.closed
-
-    def compare(self, other: _Link) -> bool:
-        """Whether the other end has the same contract; if not, that is reported once."""
-        same = self.channel.type.fingerprint == other.channel.type.fingerprint
-        if not same and id(other) not in self._reported:
-            self._reported.add(id(other))
-            log.error("%s", mismatch(self.channel, other.channel.type))
-            self.stats.mismatched += 1
-        return same
+    def withdraw(self) -> None:
+        with self._bus.lock:
+            if self in self._bus.links:
+                self._bus.links.remove(self)
+            self._bus.version += 1
 
 
 class _Outlet(_Link, SupportsHeard):
-    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
-        super().__init__(transport, bus, channel)
+    sides = "outlet", "inlet"
+
+    def __init__(self, transport: InprocTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
         """Whether `send` never waits for subscribers, even reliable ones."""
         self._order = threading.Lock()
-        self._looked = -1, False
+        self._looked: tuple[int, list[_Inlet]] = -1, []
+        """The version of the bus, and the inlets that it had."""
         self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
         """The latest messages, each with its time (ns since the Unix epoch)."""
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
@@ -284,23 +199,26 @@ class _Outlet(_Link, SupportsHeard):
     @property
     def heard(self) -> bool:
         """Whether there is a subscriber, or a late one may want latched messages."""
-        if self._looked[0] != self._bus.version:
-            self._looked = self._bus.version, bool(self.peers_or_none())
-        return self._looked[1] or bool(self._history.maxlen)
+        return bool(self._inlets() or self._history.maxlen)
+
+    def _inlets(self) -> list[_Inlet]:
+        version = self._bus.version  # before the look, so that a later change causes another one
+        if self._looked[0] != version:
+            self._looked = version, [peer.link for peer in self.counterparts()]
+        return self._looked[1]
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         self.check_open()
         end = time.monotonic() + deadline
         if self.channel.pattern is Pattern.COMMAND:
-            server = next(iter(self.peers()), None)
-            if server is None:
-                raise Unreachable(f"{self.channel.name}: no server")
-            self._give(server, payload, end)
-            return
-        if not self._order.acquire(timeout=max(0.0, deadline)):
-            raise Timeout(f"{self.channel.name}: another thread was still sending after {deadline:g} s")
+            for inlet in self._inlets():
+                self._give(inlet, payload, end)
+                return
+            self.counterparts(strict=True)
+            raise Unreachable(f"{self.channel.name}: no server")
+        self.take_turn(self._order, deadline)
         try:
-            inlets = self.peers_or_none()
+            inlets = self._inlets()
             for inlet in inlets:
                 self._greet(inlet)
             if self._history.maxlen:
@@ -315,15 +233,13 @@ class _Outlet(_Link, SupportsHeard):
         with self._order:
             self._greet(inlet)
 
-    def _greet(self, inlet: _Link) -> None:
-        assert isinstance(inlet, _Inlet)
+    def _greet(self, inlet: _Inlet) -> None:
         if self._history.maxlen and inlet.channel.qos.latched and inlet not in self._greeted:
             self._greeted.add(inlet)
             inlet.lane.start_with(inlet.admit(self.channel.name, stamp, payload) for stamp, payload in self._history)
             inlet.have_drained()
 
-    def _give(self, inlet: _Link, payload: Payload, end: float) -> None:
-        assert isinstance(inlet, _Inlet)
+    def _give(self, inlet: _Inlet, payload: Payload, end: float) -> None:
         if inlet.reception.on:
             payload = inlet.admit(self.channel.name, time.time_ns(), payload)
         patience = 0.0 if self._lossy else max(0.0, end - time.monotonic())
@@ -333,10 +249,10 @@ class _Outlet(_Link, SupportsHeard):
 
 
 class _Inlet(_Link, SupportsSources):
-    facing = _Outlet
+    sides = "inlet", "outlet"
 
-    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, sink: Sink) -> None:
-        super().__init__(transport, bus, channel)
+    def __init__(self, transport: InprocTransport, channel: Channel, sink: Sink) -> None:
+        super().__init__(transport, channel)
         topic = channel.pattern is Pattern.PUBLISH
         depth = depth_of(channel.qos) if topic else COMMANDS_WAITING
         lossy = topic and not channel.qos.reliable
@@ -344,11 +260,12 @@ class _Inlet(_Link, SupportsSources):
         self.lane = Lane(channel.name, sink, depth, lossy=lossy, stats=self.stats)
         self.reception = Reception(channel, self.stats, self.lane.through)
 
-    def met(self, other: _Link) -> None:
-        self.reception.meet([Source(other.channel.name, other.channel.qos)])
+    def look(self) -> bool:
+        self.reception.meet(self.sources())
+        return True
 
     def sources(self) -> list[Source]:
-        return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers_or_none()]
+        return [Source(peer.channel, peer.link.channel.qos) for peer in self.counterparts()]
 
     def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
         """What to put into the lane for a message of that channel."""
@@ -356,26 +273,23 @@ class _Inlet(_Link, SupportsSources):
 
     def opened(self) -> None:
         if self.channel.qos.latched:
-            for outlet in self.peers_or_none():
-                assert isinstance(outlet, _Outlet)
-                outlet.greet(self)
+            for peer in self.counterparts():
+                peer.link.greet(self)
 
     def have_drained(self) -> None:
         """Have a thread of this transport drain the lane, unless one is about to."""
         if self.lane.summon():
             self.transport.do(self.lane.drain)
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self.lane.close()
 
 
-_Outlet.facing = _Inlet
-
-
 class _Caller(_Link):
-    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel) -> None:
-        super().__init__(transport, bus, channel)
+    sides = "caller", "server"
+
+    def __init__(self, transport: InprocTransport, channel: Channel) -> None:
+        super().__init__(transport, channel)
         self.pending = Pending(channel.name)
         self._sequence = itertools.count(1)
         self._enough = float("inf") if transport.hand_over else TRUSTED
@@ -406,7 +320,7 @@ class _Caller(_Link):
         future = self.pending.add(key, deadline)
         if reply:
             pass_on(reply, partial(self.pending.settle, key))
-        if server.closed:
+        if server.closed.is_set():
             self.server_left(server)
         return self._outcome(future, deadline, max(0.0, deadline - seconds))
 
@@ -432,12 +346,10 @@ class _Caller(_Link):
         if version == self._bus.version:
             return server
         version = self._bus.version  # before the look, so that a later change causes another one
-        found = next(iter(self.peers()), None)
-        if found is None:
-            raise Unreachable(f"{self.channel.name}: no server")
-        assert isinstance(found, _Server)
-        self._found = version, found
-        return found
+        for peer in self.counterparts(strict=True):
+            self._found = version, peer.link
+            return self._found[1]
+        raise Unreachable(f"{self.channel.name}: no server")
 
     def _start(
         self, server: _Server, payload: Payload, deadline: float, answered: Callable[[Hashable, Reply], object]
@@ -446,7 +358,7 @@ class _Caller(_Link):
         future = self.pending.add(key, deadline)
         if not server.take(id(self), payload, time.monotonic() + deadline, partial(answered, key)):
             self.pending.settle(key, Reply(Status.BUSY))  # on this thread: the Future has no callbacks yet
-        if server.closed:  # if it was closed before it had the request, it did not fail it
+        if server.closed.is_set():  # if it was closed before it had the request, it did not fail it
             self.server_left(server)
         return future
 
@@ -455,8 +367,7 @@ class _Caller(_Link):
         left = Unreachable(f"{self.channel.name}: its server left")
         self.pending.fail_all(left, only=lambda key: isinstance(key, tuple) and key[0] is server, do=self.transport.do)
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self.pending.close(Closed(self.channel.name))
 
 
@@ -472,11 +383,11 @@ class _Server(_Link):
     with Timeout, but late, and the service loses its trust.
     """
 
-    facing = _Caller
+    sides = "server", "caller"
     alone = True
 
-    def __init__(self, transport: InprocTransport, bus: _Bus, channel: Channel, service: Service) -> None:
-        super().__init__(transport, bus, channel)
+    def __init__(self, transport: InprocTransport, channel: Channel, service: Service) -> None:
+        super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._lock = threading.Lock()
         self._waiting: Turns[_Asked] = Turns()
@@ -527,17 +438,18 @@ class _Server(_Link):
             self.trusted = 0
         return reply, seconds
 
-    def close(self) -> None:
-        callers = [link for link in self.peers_or_none() if isinstance(link, _Caller)]
-        super().close()
-        for caller in callers:
-            caller.server_left(self)
+    def withdraw(self) -> None:
+        super().withdraw()
+        for peer in self.faced():
+            peer.link.server_left(self)
+
+    def release(self) -> None:
         self._servant.close()
         with self._lock:
             self._waiting = Turns()
 
 
-_Caller.facing = _Server
+InprocTransport.ends = Ends(_Outlet, _Outlet, _Inlet, _Inlet, _Caller, _Server)
 
 
 class InprocDeployment(Deployment):

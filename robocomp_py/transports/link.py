@@ -352,10 +352,13 @@ class BaseLink(SupportsConnected, Generic[T, P]):
             raise Closed(f"{self.channel.name}: {self.transport.gone or 'the link is closed'}")
 
     def faced(self) -> list[P]:
-        """The peers whose channel matches this one. For a channel with `*`, peers of the same transport do not
-        count."""
+        """The peers whose channel matches this one."""
+        return self.matching(self.facing)
+
+    def matching(self, role: str) -> list[P]:
+        """The links of that role whose channel matches this one; for one with `*`, not those of the same transport."""
         name, transport = self.channel.name, self.transport
-        found = transport.find(self.facing, name)
+        found = transport.find(role, name)
         return [peer for peer in found if peer.channel == name or not transport.is_own(peer)]
 
     def usable(self, peers: list[P]) -> list[P]:

@@ -37,17 +37,17 @@ def latched(name: str, depth: int) -> QoS:
 
 def test_a_peer_that_comes_just_after_looking_is_not_waited_for_in_vain(transport: InprocTransport) -> None:
     outlet = transport.outlet(topic("a/b/c"))
-    look, looks = outlet.peers, []
+    look, looks = outlet.visible, []
 
-    def look_too_early() -> list[object]:
+    def look_too_early() -> bool:
         found = look()
         looks.append(found)
         if len(looks) == 1:
             transport.inlet(topic("a/b/c"), lambda _: None)
         assert len(looks) < 3
-        return list(found)
+        return found
 
-    outlet.peers = look_too_early  # type: ignore[method-assign, assignment]
+    outlet.visible = look_too_early  # type: ignore[method-assign, assignment]
     assert outlet.wait_peer(SOON)
     assert len(looks) == 2  # the second look was not the one after waiting for nothing
 
