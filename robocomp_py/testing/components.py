@@ -301,13 +301,13 @@ class _Faced(InprocTransport):
 
     def __init__(self, config: TransportConfig, hindered: _Hindered) -> None:
         super().__init__(config)
-        self._hindered = hindered
+        self._error_of = hindered
 
     def caller(self, channel: Channel) -> Any:
         return _FacedCaller(super().caller(channel))
 
     def outlet(self, channel: Channel) -> Any:
-        return _FacedOutlet(super().outlet(channel), channel, self.codec, self._hindered)
+        return _FacedOutlet(super().outlet(channel), channel, self.codec, self._error_of)
 
 
 class _FacedCaller:
