@@ -60,6 +60,20 @@ class Port:
 
 
 @dataclass(frozen=True)
+class PeriodicTimer:
+    """A timer that a component declares."""
+
+    name: str
+    period: float
+    """Seconds from one call to the next."""
+
+    @property
+    def method(self) -> str:
+        """The method that it calls: `timer_poll`."""
+        return f"timer_{self.name}"
+
+
+@dataclass(frozen=True)
 class Component:
     """What a CDSL file says, resolved."""
 
@@ -72,6 +86,7 @@ class Component:
     machine: StateMachine | None = None
     window: str = ""
     """The class of its window, `QWidget` or `QMainWindow`, if its CDSL has a `gui`."""
+    timers: tuple[PeriodicTimer, ...] = ()
 
     @property
     def topics(self) -> list[str]:

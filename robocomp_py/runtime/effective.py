@@ -47,6 +47,9 @@ def effective(component: Component, settings: Settings, document: Document, midd
         look.value(("component", "startup_timeout"), settings.startup_timeout),
         *([] if settings.watchdog is None else [look.value(("component", "watchdog"), settings.watchdog)]),
     ]
+    if component.timers:
+        found.append(Table(("timers",)))
+        found += [look.value(("timers", name), period, "its .cdsl") for name, period in settings.timers.items()]
     if component.params:
         found.append(Table(("params",)))
         found += _params(look, component.params, settings.params, ("params",))

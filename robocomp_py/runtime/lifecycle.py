@@ -73,13 +73,25 @@ class Beat:
     def period(self, seconds: float) -> None:
         self._period = max(1, ns(seconds))
 
+    @property
+    def next(self) -> int:
+        """The time of the next beat; it may have passed."""
+        return self._last + self._period
+
     def due(self, now: int) -> int:
         """The time of the next beat; `now` if it is due."""
         return max(now, self._last + self._period)
 
+    def restart(self, now: int) -> None:
+        """Begin a new schedule with a beat at `now`."""
+        self._last = now - self._period
+
+    def begun(self) -> None:
+        """Note that the work of the next beat begins."""
+        self._last += self._period
+
     def done(self, now: int) -> None:
         """Note that the work of this beat is done; beats missed meanwhile are counted and skipped."""
-        self._last += self._period
         late = now - (self._last + self._period)
         if late > 0:
             missed = late // self._period + 1

@@ -33,6 +33,7 @@ from .settings import Settings
 from .signals import Signals
 from .statemachine import Machine, Trigger
 from .tally import Tally
+from .timers import Agenda, Timer, TimerHandle, Timers
 from .trace import user_trace
 from .unsafe import write_out
 from .watch import Lost, Missed
@@ -44,6 +45,8 @@ log = logging.getLogger("robocomp.worker")
 
 _SLOW = 10
 """Number of skipped periods after which a component is reported as too slow."""
+
+_ALIVE = (State.COMPUTE, State.EMERGENCY)
 
 _PATIENCE = 0.2
 """Seconds to wait for a peer, before looking whether the component was stopped."""
@@ -76,15 +79,14 @@ class Running:
         self.clock = clock or Real()
         self.ready = threading.Event()
         self.state = State.STARTING
-        self.computes = 0
-        """How often `compute` was called."""
-        self.overruns = 0
-        """Number of periods skipped because a call took too long."""
         self._wake = threading.Event()
         self._changing = threading.Lock()
         self.monitor = Monitor(f"worker-{settings.instance}", threads)
         self._watching = Watching(settings.instance, self._call_qos_hook, self.clock)
-        self._was_slow = False
+        self._compute = Timer("compute", Beat(settings.period, self.clock.now()), self._wake.set)
+        self._agenda: Agenda | None = None
+        """The other timers; None if there has been none."""
+        self._is_stepping = False
         self.failed = False
         """Whether its code or its middleware failed, which ends it."""
         self._is_closed = False
@@ -92,8 +94,7 @@ class Running:
         """Whether an executor takes its steps, so that it has no threads of its own."""
         self._sleeping: set[threading.Event] = set()
         self._last_hindrance = ""
-        self.doing = ""
-        """The name of the hook that is running; "" if none is."""
+        self._doing: list[str] = []
         self._machine: Machine | None = None
         self._round = 0
         """Number of fired transitions to take until `compute` is looked at, plus one; 0 between two rounds."""
@@ -129,61 +130,44 @@ class Running:
         return not self.is_over
 
     def due(self) -> int:
-        """The time of its clock at which the next beat has something to do; NEVER while a beat is under way or after
-        its end.
+        """The time of its clock at which the next beat has something to do; NEVER if nothing will be due by itself.
 
-        An event, such as a fired transition or a change of its period, may make it earlier, so ask again after each
+        An event, such as a fired transition or a change of a period, may make it earlier, so ask again after each
         beat, handler or call of this component.
         """
-        if self.doing:
+        if self.state is State.ENDED:
             return NEVER
         now = self.clock.now()
-        match self.state:
-            case State.COMPUTE if self._machine and self._machine._waiting:
-                return now
-            case State.COMPUTE | State.EMERGENCY if self._is_driven:
-                return min(self._beat.due(now), max(now, self._watching.due()))
-            case State.COMPUTE | State.EMERGENCY:
-                return self._beat.due(now)
-            case State.ENDED:
-                return NEVER
-            case _:
-                return now
+        due = NEVER if self._is_stepping else self._step_due(now)
+        if self._is_driven and due > now:
+            beside = min(self._watching.due(), self._agenda.due()) if self._agenda else self._watching.due()
+            due = min(due, max(now, beside)) if self.state in _ALIVE else due
+        return due
 
     def beat(self) -> bool:
         """Do one thing that is due, and return whether there was one.
 
-        That is one call of a hook, one transition of the state machine, one look at the deadlines of its topics, or one
-        look for required peers (which counts when all are there). What the component's code raises is logged, and stops
-        the component.
+        That is one call of a hook, a timer or a function, one transition of the state machine, one look at the
+        deadlines of its topics, or one look for required peers (which counts when all are there). What the component's
+        code raises is logged, and stops the component. If a step waits in the component's code and lets the executor
+        go on, only timers and deadlines are due until it returns.
         """
-        try:
-            match self.state:
-                case _ if self.doing:
-                    return False
-                case State.STARTING:
-                    return self._look_for_peers()
-                case State.INITIALIZE:
-                    self._once(self.worker.initialize, early=True)
-                    self._get_going()
-                case State.COMPUTE:
-                    return self._compute() or self._watch()
-                case State.EMERGENCY:
-                    return self._on_the_beat(self.worker.emergency) or self._watch()
-                case State.RESTORE:
-                    self._once(self.worker.restore)
-                case State.FINISH:
-                    self._once(self.worker.finish, early=True)
-                case State.ENDED:
-                    return False
-        except (RobocompError, OSError) as exc:
-            self._fail_by(exc)
-        return True
+        if not self._is_stepping:
+            self._is_stepping = True
+            try:
+                if self._step():
+                    return True
+            except (RobocompError, OSError) as exc:
+                self._fail_by(exc)
+                return True
+            finally:
+                self._is_stepping = False
+        return self._is_driven and self.state in _ALIVE and (self._tick() or self._watch())
 
     def end(self) -> bool:
         """Stop it, with `finish` if it has started, and close all. Returns False if the component failed."""
         self.stop()
-        while not self.is_over and not self.doing:
+        while not self.is_over and not self._is_stepping:
             self.beat()
         self._close()
         return not self.failed
@@ -195,6 +179,21 @@ class Running:
     @property
     def is_over(self) -> bool:
         return self.state is State.ENDED
+
+    @property
+    def computes(self) -> int:
+        """How often `compute` was called."""
+        return self._compute.calls
+
+    @property
+    def overruns(self) -> int:
+        """Number of periods skipped because a call of `compute` took too long."""
+        return self._compute.overruns
+
+    @property
+    def doing(self) -> str:
+        """The name of the hook that is running; "" if none is."""
+        return self._doing[-1] if self._doing else ""
 
     @property
     def life(self) -> str:
@@ -229,7 +228,11 @@ class Running:
         if self.state in (State.FINISH, State.ENDED):
             for each in sleeping:
                 each.set()
+            if self._agenda:
+                self._agenda.end()
             self.monitor.turn_away()
+        elif self._agenda and self.state is not State.COMPUTE:
+            self._agenda.pause()
 
     # Starting and ending.
 
@@ -242,6 +245,7 @@ class Running:
         worker._signal = self.signal
         worker._clock = self.clock
         worker._sleep = self._sleep
+        worker._after = self._after
         worker._state = lambda: self.state
         worker._set_period = self._set_period
         worker._wake = self._wake.set
@@ -253,7 +257,12 @@ class Running:
             triggers = self.component.machine.triggers().items()
             found = {name: Trigger(self._machine, transition) for name, transition in triggers}
             vars(worker).update(found, statemachine=self._machine)
-        self._beat = Beat(self.settings.period, self.clock.now())
+        if self.component.timers:
+            agenda, periods = self._timing(), self.settings.timers
+            worker.timers = Timers(
+                agenda.add(each.name, periods.get(each.name, each.period), getattr(worker, each.method))
+                for each in self.component.timers
+            )
         try:
             worker_class.__init__(worker)  # last, so that a user's __init__ can use all of the above
         except ComponentError:
@@ -289,11 +298,45 @@ class Running:
         self._tally.write(self._connections.bound)
         self._connections.close_links()
         self._watching.close()
+        if self._agenda:
+            self._agenda.close()
         self.monitor.close()
         self._connections.close()
         self.state = State.ENDED
 
     # Living.
+
+    def _step_due(self, now: int) -> int:
+        """The time at which the next step is due. Steps are what `run` does itself."""
+        match self.state:
+            case State.COMPUTE if self._machine and self._machine._waiting:
+                return now
+            case State.COMPUTE | State.EMERGENCY:
+                return self._compute._beat.due(now)
+            case _:
+                return now
+
+    def _step(self) -> bool:
+        """Take one step if it is due, and return whether it was."""
+        match self.state:
+            case State.STARTING:
+                return self._look_for_peers()
+            case State.INITIALIZE:
+                self._once(self.worker.initialize, early=True)
+                self._get_going()
+            case State.COMPUTE:
+                return self._move_or_compute()
+            case State.EMERGENCY:
+                return self._on_the_beat(self.worker.emergency)
+            case State.RESTORE:
+                self._once(self.worker.restore)
+                if self._agenda:
+                    self._begin_timers(self._agenda)
+            case State.FINISH:
+                self._once(self.worker.finish, early=True)
+            case State.ENDED:
+                return False
+        return True
 
     def _wait(self) -> None:
         """Wait until something is due, or until an event."""
@@ -314,12 +357,14 @@ class Running:
         self.monitor.open()
         if not self._is_driven:
             self._watching.begin()
-        self._beat = self.worker._beats(self.clock.now())
+        if self._agenda:
+            self._begin_timers(self._agenda)
+        self._compute._beat = self.worker._beats(self.clock.now())
         self.ready.set()
         log.info("ready")
         self._tell("READY=1")  # last: the launcher then starts components that depend on this one
 
-    def _compute(self) -> bool:
+    def _move_or_compute(self) -> bool:
         """Take one of the transitions fired until now, and when all are taken, compute if that is due.
 
         Handlers may run between two transitions.
@@ -331,7 +376,7 @@ class Running:
             self._move(self._machine._step)
             return True
         computed = self._on_the_beat(self.worker.compute)
-        self.computes += computed
+        self._compute.calls += computed
         return computed
 
     def _move(self, move: Callable[[], None], *, early: bool = False) -> None:
@@ -349,16 +394,60 @@ class Running:
 
     def _on_the_beat(self, hook: Callable[[], None]) -> bool:
         """Call a hook if it is due, and return whether it was."""
-        begun = self.clock.now()
-        if self._beat.due(begun) > begun:
+        beat, begun = self._compute._beat, self.clock.now()
+        if beat.due(begun) > begun:
             return False
+        skipped = beat.overruns
+        beat.begun()
         self._call(hook)
         now = self.clock.now()
-        self._beat.done(now)
-        if self.overruns != self._beat.overruns:
-            self.overruns = self._beat.overruns
-            self._tell_slow(hook, (now - begun) / SECOND)
+        beat.done(now)
+        if beat.overruns != skipped:
+            self._tell_slow(self._compute, hook, (now - begun) / SECOND)
         return True
+
+    def _timing(self) -> Agenda:
+        """The times of timers, from the first one on."""
+        with self._changing:
+            self._agenda = self._agenda or Agenda(self.settings.instance, self.clock)
+            return self._agenda
+
+    def _after(self, seconds: float, function: Callable[[], object]) -> TimerHandle:
+        is_first = self._agenda is None
+        agenda = self._timing()
+        if self.state in (State.FINISH, State.ENDED):
+            agenda.end()
+        handle = agenda.after(seconds, function)
+        if is_first and self.ready.is_set():
+            self._begin_timers(agenda)
+        return handle
+
+    def _begin_timers(self, agenda: Agenda) -> None:
+        if self.state is State.COMPUTE:
+            agenda.resume()
+        if not self._is_driven:
+            agenda.begin(self._fire)
+
+    def _fire(self, taken: Timer | TimerHandle) -> None:
+        """Call a timer or a function on a thread of the monitor, or here if there is none."""
+        if not self.monitor.submit(partial(self._run_timer, taken), limited=False):
+            with contextlib.suppress(Closed), self.monitor.held():  # Closed: the component is stopping
+                self._run_timer(taken)
+
+    def _tick(self) -> bool:
+        """Call the timer or function that is due first, if one is and no thread does it."""
+        taken = self._agenda.take() if self._agenda else None
+        if taken:
+            with contextlib.suppress(Closed), self.monitor.held():
+                self._run_timer(taken)
+        return taken is not None
+
+    def _run_timer(self, taken: Timer | TimerHandle) -> None:
+        assert self._agenda
+        skipped = taken.overruns if isinstance(taken, Timer) else 0
+        took = self._agenda.run(taken, self._call_inside)
+        if isinstance(taken, Timer) and taken.overruns != skipped:
+            self._tell_slow(taken, taken._method, took)
 
     def _watch(self) -> bool:
         """Look at the deadlines of topics, if that is due and no thread does it."""
@@ -385,13 +474,13 @@ class Running:
                 self._sleeping.discard(wake)
         return self.state not in over
 
-    def _tell_slow(self, hook: Callable[[], None], took: float) -> None:
-        """Warn once if a component skips more than half of its periods. A single late step is not reported."""
-        if not self._was_slow and self.overruns >= max(_SLOW, self.computes):
-            self._was_slow = True
+    def _tell_slow(self, timer: Timer, hook: Callable[[], object], took: float) -> None:
+        """Warn once if a timer skips more than half of its periods. A single late call is not reported."""
+        if not timer._was_slow and timer.overruns >= max(_SLOW, timer.calls):
+            timer._was_slow = True
             log.warning(
                 "%s took %.3g s, longer than the period of %.3g s: %d periods were skipped (more are only counted)",
-                hook.__qualname__, took, self._beat.period, self.overruns,
+                _name(hook), took, timer.period, timer.overruns,
             )  # fmt: skip
 
     def _call_qos_hook(self, port: Port, operation: str, event: Missed | Lost) -> None:
@@ -413,14 +502,20 @@ class Running:
         self._call(hook, early=early)
         self.signal(Event.DONE, during=state)
 
+    def _call_inside(self, hook: Callable[[], object]) -> None:
+        """Run a timer's method, or a function, when inside the monitor."""
+        with self._guarded(hook):
+            hook()
+
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook inside the monitor, and handle what it raises."""
         with self._guarded(hook), self.monitor.held(early=early):
             hook()
 
     @contextlib.contextmanager
-    def _guarded(self, hook: Callable[[], None]) -> Iterator[None]:
-        self.doing = hook.__qualname__
+    def _guarded(self, hook: Callable[[], object]) -> Iterator[None]:
+        name = _name(hook)
+        self._doing.append(name)
         try:
             yield
             self._last_hindrance = ""
@@ -428,25 +523,25 @@ class Running:
             self._note_transport_error(hook, exc)
         except SystemExit as exc:
             if exc.code:
-                self._fail(f"{hook.__qualname__} called sys.exit({exc.code!r})")
+                self._fail(f"{_name(hook)} called sys.exit({exc.code!r})")
             self.stop()
         except Exception as exc:
-            self._fail(f"{hook.__qualname__} raised {type(exc).__name__}\n{user_trace(exc)}")
+            self._fail(f"{_name(hook)} raised {type(exc).__name__}\n{user_trace(exc)}")
         finally:
-            self.doing = ""
+            self._doing.remove(name)
 
     def _fail_by(self, exc: Exception) -> None:
         """Fail by an error of its links or its middleware."""
         if not (self.is_over and isinstance(exc, Closed)):  # Closed: stopped while it waited for its middleware
             self._fail(str(exc))
 
-    def _note_transport_error(self, hook: Callable[[], None], exc: TransportError) -> None:
+    def _note_transport_error(self, hook: Callable[[], object], exc: TransportError) -> None:
         """A peer is gone, slow or closed. This is only logged, except in `initialize`, which must succeed."""
         if self.state is State.INITIALIZE:
             self._fail(f"initialize failed: {exc}")
         elif not isinstance(exc, Closed) and str(exc) != self._last_hindrance:
             self._last_hindrance = str(exc)
-            log.warning("%s did not complete: %s", hook.__qualname__, exc)
+            log.warning("%s did not complete: %s", _name(hook), exc)
 
     def _fail(self, message: str) -> None:
         log.error("%s", message)
@@ -454,8 +549,12 @@ class Running:
         self.signal(Event.STOP)
 
     def _set_period(self, seconds: float) -> None:
-        self._beat.period = seconds
+        self._compute._beat.period = seconds
         self._wake.set()
+
+
+def _name(hook: Callable[[], object]) -> str:
+    return getattr(hook, "__qualname__", None) or repr(hook)
 
 
 def main(

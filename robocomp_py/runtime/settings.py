@@ -7,6 +7,8 @@
     log = "info"                     debug, info, warning or error
     startup_timeout = 60.0           seconds to wait for required components
     watchdog = 30.0                  longest call of its code in seconds, before its launcher ends it; 0: no limit
+    [timers]
+    poll = 0.02                      seconds from one call to the next of a timer that its CDSL declares
     [params]                         the parameters that its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
     from = "world"                   the instance to use; also `world/Laser1` and `/robot2/world/Laser`
@@ -64,7 +66,7 @@ PREFIX = "ROBOCOMP__"
 VARIABLE = "environment variable "
 """Stands before the name of such a variable where it is named as the origin of a value."""
 
-KEYS = ("namespace", "middleware", "component", "params", "ports", "transports")
+KEYS = ("namespace", "middleware", "component", "timers", "params", "ports", "transports")
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,8 @@ class Settings:
     startup_timeout: float = STARTUP_TIMEOUT
     watchdog: float | None = None
     """Seconds; 0 for no limit, None for the launcher's choice."""
+    timers: Mapping[str, float] = field(default_factory=dict)
+    """Periods in seconds, of the timers that the component declares."""
     params: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
     """Keys are (port,) and (port, operation)."""
@@ -381,10 +385,18 @@ class _Checker:
             log=self._choice(own, "log", ("component",), LOG_LEVELS) or "info",
             startup_timeout=self._seconds(own, "startup_timeout", ("component",)) or STARTUP_TIMEOUT,
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
+            timers=self._timers(self._table(data, "timers", ())),
             params=params,
             ports=self._ports(self._table(data, "ports", ())),
             transports=tables,
         )
+
+    def _timers(self, data: Mapping[str, Any]) -> dict[str, float]:
+        declared = {each.name: each.period for each in self._component.timers}
+        for name in data:
+            if name not in declared:
+                self._complain("config-unknown-key", ("timers", name), unknown("timer", name, declared))
+        return {name: self._seconds(data, name, ("timers",)) or period for name, period in declared.items()}
 
     def _ports(self, data: Mapping[str, Any]) -> dict[tuple[str, ...], PortSettings]:
         known = {port.name: port for port in self._component.ports}
@@ -566,6 +578,7 @@ def _keys_of(component: Component) -> _Keys:
     return {
         **_words(KEYS),
         "component": _words(_COMPONENT_KEYS),
+        "timers": _words(each.name for each in component.timers),
         "params": _keys_of_params(component.params) if component.params else {},
         "ports": ports,
         "transports": _words(installed.transports()),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 from ..contract.component import MAX_SECONDS, Component
 from ..errors import ComponentError
 from .lifecycle import Beat, Event, State
+from .timers import TimerHandle, Timers
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,6 +48,9 @@ class Worker(ABC, Generic[P]):
     _takes_any_params: ClassVar[bool] = False
     """Whether its own code reads the parameters in the configuration, so that unknown ones are allowed."""
 
+    timers: Timers = Timers()
+    """The timers that the CDSL declares: `self.timers.poll.period = 0.05`."""
+
     log: logging.Logger
     """The logger of this component."""
 
@@ -55,6 +59,7 @@ class Worker(ABC, Generic[P]):
     _state: Callable[[], State]
     _clock: Clock
     _sleep: Callable[[float], bool]
+    _after: Callable[[float, Callable[[], object]], TimerHandle]
     _set_period: Callable[[float], None]
     _wake: Callable[[], None]
     """Ends the current wait, so that a due call is made at once."""
@@ -140,6 +145,14 @@ class Worker(ABC, Generic[P]):
         Returns False, earlier, if the component is asked to stop. In `finish`, it waits to the end.
         """
         return self._sleep(seconds)
+
+    def after(self, seconds: float, function: Callable[[], object]) -> TimerHandle:
+        """Call a function without arguments once, when that time of the component's clock has passed.
+
+        It is called like a handler, so that no other code runs meanwhile; during an emergency, it waits. `cancel()` of
+        the result prevents it. What still waits when the component stops is cancelled. At most 1000 functions may wait.
+        """
+        return self._after(seconds, function)
 
     @property
     def params(self) -> P:
@@ -239,6 +252,8 @@ def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
                 yield port.handler(operation.name), [field.attribute for field in operation.inputs]
     for method in component.machine.methods() if component.machine else ():
         yield method, []
+    for timer in component.timers:
+        yield timer.method, []
 
 
 def _remedy(worker: type[Worker[Any]]) -> str:

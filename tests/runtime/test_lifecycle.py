@@ -65,6 +65,7 @@ def test_beats_do_not_drift() -> None:
     for _ in range(100):
         now = beat.due(now)
         begun.append(now)
+        beat.begun()
         now += ns(0.037)  # what is done takes a while, but less than a period
         beat.done(now)
     assert begun == [n * SECOND // 10 for n in range(100)]
@@ -74,9 +75,11 @@ def test_beats_do_not_drift() -> None:
 def test_missed_beats_are_counted_and_not_made_up_for() -> None:
     beat = Beat(0.1, 0)
     assert beat.due(0) == 0
+    beat.begun()
     beat.done(ns(0.25))  # the beats at 0.1 and 0.2 passed meanwhile
     assert beat.overruns == 2
     assert beat.due(ns(0.25)) == ns(0.3)
+    beat.begun()
     beat.done(ns(0.31))
     assert beat.due(ns(0.31)) == ns(0.4)
     assert beat.overruns == 2
@@ -88,6 +91,15 @@ def test_beats_stay_on_their_grid_whatever_takes_how_long(durations: list[int]) 
     for duration in durations:
         now = beat.due(now)
         assert now % ns(0.25) == 0
+        beat.begun()
         now += duration
         beat.done(now)
         assert beat.due(now) <= now + ns(0.25)
+
+
+def test_a_period_that_is_changed_during_a_beat_holds_from_that_beat_on() -> None:
+    beat = Beat(0.1, 0)
+    beat.begun()
+    beat.period = 0.4
+    beat.done(ns(0.05))
+    assert beat.due(ns(0.05)) == ns(0.4)

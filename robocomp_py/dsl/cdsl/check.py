@@ -63,7 +63,9 @@ class _Checker:
         self._check_attributes()
         self._check_clauses()
         self._check_language()
-        self._check_period()
+        if self.model.period:
+            self._check_period("period", self.model.period)
+        self._check_timers()
 
     # Ports.
 
@@ -173,15 +175,20 @@ class _Checker:
                         message = f"{what} and {known} are both called `{name}` in Python"
                         related = ("first here", first.interface.span)
                         self.report.error("same-attribute", message, item.interface.span, "rename one", related)
-        self._check_machine({name: item.interface for name, (item, _, _) in seen.items()})
+        self._check_others({name: item.interface for name, (item, _, _) in seen.items()})
 
-    def _check_machine(self, handlers: Mapping[str, Name]) -> None:
-        """`one` of an interface `sm` and a state `one` would be one method, `sm_one`."""
+    def _check_others(self, handlers: Mapping[str, Name]) -> None:
+        """`one` of an interface `sm` and a state `one` would be one method, `sm_one`; timers likewise."""
         machine = self.around.machine
         for name in (*(state.method for state in machine.every_state()), *machine.triggers()) if machine else ():
             if name in handlers:
                 message = f"this and the state machine both have a `{name}` in Python"
                 self.report.error("same-attribute", message, handlers[name].span, "rename one")
+        for timer in self.model.timers:
+            if timer.method in handlers:
+                message = f"this timer and `{handlers[timer.method]}` both have a `{timer.method}` in Python"
+                related = ("here", handlers[timer.method].span)
+                self.report.error("same-attribute", message, timer.name.span, "rename one", related)
 
     # Clauses.
 
@@ -220,14 +227,28 @@ class _Checker:
             message = f"`language {language}`: a Python component is generated anyway"
             self.report.warning("not-python", message, language.span, hint)
 
-    def _check_period(self) -> None:
-        period = self.model.period
-        if period is None:
-            return
+    def _check_timers(self) -> None:
+        seen: dict[str, Name] = {}
+        for timer in self.model.timers:
+            self._check_period("timer", timer.period, f"timer {timer.name}")
+            first = seen.setdefault(timer.name.text, timer.name)
+            if first is not timer.name:
+                related = ("first here", first.span)
+                self.report.error(
+                    "duplicate", f"timer `{timer.name}` is declared twice", timer.name.span, "rename one", related
+                )
+            if timer.name.text.startswith("_"):
+                message = "names of timers do not begin with an underscore"
+                self.report.error("reserved-name", message, timer.name.span, "give it another name")
+            elif keyword.iskeyword(timer.name.text):
+                message = f"`{timer.name}` is a keyword of Python, so `self.timers.{timer.name}` is not valid"
+                self.report.error("keyword-name", message, timer.name.span, "give it another name")
+
+    def _check_period(self, kind: str, period: m.Amount, clause: str = "period") -> None:
         units = ", ".join(m.SECONDS)
         if period.unit is None:
-            hint = f"write `period {period.span.text} ms;` (units: {units})"
-            self.report.error("bad-period", "a period needs a unit", period.span, hint)
+            hint = f"write `{clause} {period.span.text} ms;` (units: {units})"
+            self.report.error("bad-period", f"a {kind} needs a unit", period.span, hint)
         elif period.seconds is None:
             message = f"`{period.unit}` is not a unit of time; allowed: {units}"
             self.report.error("bad-period", message, period.unit.span, did_you_mean(period.unit.text, m.SECONDS))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...contract.component import Component, Port, numbers
+from ...contract.component import Component, PeriodicTimer, Port, numbers
 from ...contract.interface import Interface
 from ...contract.parameters import ParameterSet
 from ...contract.qos import DEFAULT_QOS
@@ -35,10 +35,15 @@ def link(
             )
         )
     seconds = model.period.seconds if model.period else None
-    period = {"period": seconds} if seconds else {}
-    window = _window(model)
     return Component(
-        model.name.text, tuple(ports), params, description=model.doc, machine=machine, window=window, **period
+        model.name.text,
+        tuple(ports),
+        params,
+        seconds or Component.period,
+        model.doc,
+        machine,
+        _window(model),
+        tuple(PeriodicTimer(each.name.text, each.period.seconds or 0.0) for each in model.timers),
     )
 
 

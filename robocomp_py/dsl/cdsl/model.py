@@ -71,6 +71,18 @@ class Clause:
 
 
 @dataclass(frozen=True, slots=True)
+class Timer:
+    """A method that is called every period: `timer poll 20 ms;`."""
+
+    name: Name
+    period: Amount
+
+    @property
+    def method(self) -> str:
+        return f"timer_{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
 class Component:
     source: Source
     imports: tuple[Name, ...]
@@ -127,6 +139,11 @@ class Component:
     @property
     def period(self) -> Amount | None:
         return next((clause.amount for clause in self.all("period")), None)
+
+    @property
+    def timers(self) -> list[Timer]:
+        clauses = ((clause.names, clause.amount) for clause in self.all("timer"))
+        return [Timer(names[0], amount) for names, amount in clauses if names and amount]
 
     def _name(self, kind: str) -> Name | None:
         return next((clause.names[0] for clause in self.all(kind)), None)

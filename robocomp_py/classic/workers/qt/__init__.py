@@ -114,5 +114,7 @@ class LoopBeat(Beat):
         seconds = self._loop.due(time.monotonic())
         return now + ns(_LONG if seconds is None else min(seconds, _LONG))
 
-    def done(self, now: float) -> None:
+    def begun(self) -> None: ...
+
+    def done(self, now: int) -> None:
         self.overruns = self._loop.missed
