@@ -32,7 +32,7 @@ class Stepped(Protocol):
     """Something with events of its own, such as a component with its timers."""
 
     def due(self) -> int | None:
-        """The instant of its next event, in ns; None if it has none."""
+        """The instant of its next event, in ns; None if it has none. If a step of it waits, this is asked meanwhile."""
         ...
 
     def step(self) -> None:
@@ -236,7 +236,9 @@ class Executor:
                 pause.end()
         if self._soon:
             return self._soon.popleft()
-        due = [(instant, number) for number, instant in enumerate(map(self._due, self._stepped)) if instant is not None]
+        due = [
+            (instant, number) for number, stepped in enumerate(self._stepped) if (instant := stepped.due()) is not None
+        ]
         first = min(due, default=None)
         if self._later and (first is None or self._later[0][:2] <= first):
             instant, _, _, job = self._later[0]
@@ -251,9 +253,6 @@ class Executor:
             heapq.heappop(self._later)
         self.now = max(self.now, instant)
         return job
-
-    def _due(self, stepped: Stepped) -> int | None:
-        return None if stepped in self._stepping else stepped.due()
 
     def _step(self, stepped: Stepped) -> None:
         self._stepping.append(stepped)

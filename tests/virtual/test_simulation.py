@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.component import Component, PeriodicTimer, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.errors import ComponentError, Timeout
 from robocomp_py.runtime import settings
@@ -64,6 +64,30 @@ def test_time_passes_only_between_events() -> None:
         assert sim["calculator"].worker.story == ["initialize", "compute", *["work a", "compute"] * 4, "work a"]
     assert sim["pupil"].worker.story[-1] == "finish"
     assert not sim.failed
+
+
+def test_timers_and_functions_run_while_compute_sleeps() -> None:
+    class Busy(Diary):
+        component = Component("busy", period=1.0, timers=(PeriodicTimer("poll", 0.2),))
+
+        def initialize(self) -> None:
+            self.after(0.3, lambda: self.note("later"))
+
+        def note(self, what: str) -> None:
+            self.entries.append(f"{what} {self.now() / 1e9:g}")
+
+        def compute(self) -> None:
+            self.sleep(0.5)
+            self.note("compute")
+
+        def timer_poll(self) -> None:
+            self.note("poll")
+            self.sleep(0.05)
+
+    with Simulation([part(Busy)]) as sim:
+        sim.run(0.7)
+        story = ["poll 0", "poll 0.2", "later 0.3", "poll 0.4", "compute 0.5", "poll 0.6"]
+        assert sim["busy"].worker.entries == story
 
 
 def test_a_handler_that_sleeps_lets_its_caller_wait_and_all_others_go_on() -> None:
