@@ -1,0 +1,169 @@
+"""`rcdeploy simulate` as people use it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.testing.patience import SOON
+from robocomp_py.testing.simulation import Simulation
+
+Said = pytest.CaptureFixture[str]
+
+NETWORK = """
+import "hello/hello.cdsl"; import "asker/asker.cdsl";
+Deployment net {
+    Component asker { };
+    Component hello { };
+};
+"""
+ASKER = """
+import "../hello/Hello.idsl";
+Component asker { Communications { requires Hello; }; language python; period 20 ms; };
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A server, a client and their network."""
+    assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
+    (tmp_path / "asker").mkdir()
+    (tmp_path / "asker" / "asker.cdsl").write_text(ASKER)
+    assert rcgen([str(tmp_path / "asker" / "asker.cdsl")]) == 0
+    compute(tmp_path, "self.hello_proxy.greet(str(self.now()))")
+    (tmp_path / "net.ddsl").write_text(NETWORK)
+    return tmp_path
+
+
+def compute(folder: Path, *lines: str, imports: str = "") -> None:
+    """Let the client do this every period."""
+    worker = folder / "asker" / "specificworker.py"
+    head = (
+        worker.read_text().partition("class SpecificWorker")[0].replace(" annotations\n", f" annotations\n{imports}", 1)
+    )
+    body = "".join(f"        {line}\n" for line in lines)
+    worker.write_text(f"{head}class SpecificWorker(GenericWorker):\n    def compute(self) -> None:\n{body}")
+
+
+def simulate(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "simulate", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=SOON * 6, env={**os.environ, **environment}, check=False
+    )
+
+
+def test_a_network_runs_and_says_how_fast_and_what_hash(folder: Path) -> None:
+    done = simulate(folder / "net.ddsl", "--for", 10)
+    assert done.returncode == 0, done.stderr
+    speed, result = done.stdout.splitlines()
+    assert speed.startswith("net: 10 s in ")
+    assert speed.endswith(" times as fast as real time")
+    assert result.startswith("1002 messages, hash ")
+    assert "    0.000 hello INFO: ready\n" in done.stderr
+
+
+def test_two_processes_say_the_same_whatever_their_order_of_sets(folder: Path) -> None:
+    runs = [simulate(folder / "net.ddsl", "--for", 2, "--json", PYTHONHASHSEED=seed) for seed in ("1", "2")]
+    first, second = (json.loads(each.stdout) for each in runs)
+    assert first["hash"] == second["hash"]
+    assert first.keys() == {"seconds", "took", "messages", "hash", "failed"}
+
+
+def test_a_trace_has_a_line_for_each_message(folder: Path) -> None:
+    trace = folder / "trace.jsonl"
+    assert simulate(folder / "net.ddsl", "--for", 0.02, "--trace", trace).returncode == 0
+    lines = [json.loads(line) for line in trace.read_text().splitlines()]
+    assert [(line["ns"], line["kind"]) for line in lines] == [
+        *((0, "query"), (0, "ok")),
+        *((20_000_000, "query"), (20_000_000, "ok")),
+    ]
+    assert lines[2]["from"] == "asker"
+    assert lines[2]["to"] == "hello/Hello/greet"
+    assert lines[2]["values"] == {"name": "20000000"}
+
+
+def test_check_says_that_two_runs_are_the_same(folder: Path) -> None:
+    done = simulate(folder / "net.ddsl", "--for", 1, "--check")
+    assert (done.stdout, done.returncode) == ("both runs said the same: 102 messages\n", 0)
+
+
+def test_check_names_the_sender_that_reads_the_time_of_day(folder: Path) -> None:
+    compute(folder, "self.hello_proxy.greet(str(time.time_ns()))", imports="import time\n")
+    done = simulate(folder / "net.ddsl", "--for", 1, "--check")
+    assert done.returncode == 1
+    assert done.stdout.startswith("the runs differ from message 1 on:\n")
+    assert "asker depends on something that is not part of the simulation" in done.stdout
+
+
+def test_a_component_that_fails_ends_the_run(folder: Path) -> None:
+    compute(folder, "if self.now():", "    raise ValueError('broken')")
+    done = simulate(folder / "net.ddsl", "--for", 1)
+    assert done.returncode == 1
+    assert "broken" in done.stderr
+    assert done.stdout.startswith("net: 0.02 s in ")
+
+
+def test_a_thread_of_a_component_is_a_warning(folder: Path) -> None:
+    compute(
+        folder,
+        'if not hasattr(self, "thread"):',
+        "    self.end = threading.Event()",
+        '    self.thread = threading.Thread(target=self.end.wait, name="driver", daemon=True)',
+        "    self.thread.start()",
+        imports="import threading\n",
+    )
+    done = simulate(folder / "net.ddsl", "--for", 1)
+    assert done.returncode == 0
+    assert done.stderr.count("a component has started the thread `driver`") == 1
+
+
+def test_an_instance_that_does_not_end_in_time_is_an_error(folder: Path, capsys: Said) -> None:
+    assert rcdeploy(["simulate", str(folder / "net.ddsl"), "--until", "asker", "--for", "0.1"]) == 1
+    assert "asker has not ended in 0.1 s" in capsys.readouterr().err
+
+
+def test_wrong_words_are_told_before_anything_starts(folder: Path, capsys: Said) -> None:
+    network = str(folder / "net.ddsl")
+    for words, why in (
+        (["--until", "askar"], "did you mean `asker`?"),
+        (["--check"], "--check needs --for or --until"),
+    ):
+        assert rcdeploy(["simulate", network, *words]) == 2
+        assert why in capsys.readouterr().err
+    for words, why in (
+        (["--seed", "-1"], "`-1` is not a seed"),
+        (["--speed", "0"], "`0` is not a speed"),
+        (["--for", "soon"], "`soon` is not a number of seconds"),
+    ):
+        with pytest.raises(SystemExit):
+            rcdeploy(["simulate", network, *words])
+        assert why in capsys.readouterr().err
+    assert rcdeploy(["simulate", network, "--for", "1", "--trace", str(folder / "no" / "trace")]) == 1
+    assert "No such file or directory" in capsys.readouterr().err
+
+
+def test_what_has_a_time_of_its_own_is_refused(folder: Path, capsys: Said) -> None:
+    (folder / "program.cdsl").write_text("Component program { language python; };")
+    (folder / "own.ddsl").write_text(
+        'import "program.cdsl"; import "hello/hello.cdsl";\n'
+        'Deployment own { Component driver : program { existing "/bin/true"; };\n'
+        'Component hello { env DISPLAY ":0"; }; };'
+    )
+    assert rcdeploy(["simulate", str(folder / "own.ddsl"), "--for", "1"]) == 1
+    said = capsys.readouterr().err
+    assert "driver: `path` and `existing` are programs with a time of their own" in said
+    assert "hello: a simulation is one process, so no component may have an `env` of its own" in said
+
+
+def test_a_test_of_a_network_needs_no_waiting(folder: Path) -> None:
+    with Simulation(folder / "net.ddsl", settings=[("asker", "component.period=0.5")]) as sim:
+        assert sim.run(3600.0)
+        assert sim["asker"].computes == 7201
+        assert sim["asker"].worker.period == 0.5
