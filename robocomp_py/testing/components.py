@@ -15,11 +15,8 @@ How to test components: docs/guides/testing.md.
 from __future__ import annotations
 
 import contextlib
-import itertools
 import json
-import threading
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -35,19 +32,19 @@ from ..contract.parameters import ParameterSet
 from ..errors import ConfigurationError, TransportError
 from ..runtime import ports, settings
 from ..runtime.calls import Outcome
+from ..runtime.clock import SECOND
 from ..runtime.commonbehavior import port_of
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
 from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter
-from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..spelling import unknown
-from ..transports.base import Caller, Channel, Link, Outlet, Reply, Status, TransportConfig
-from ..transports.inproc import InprocTransport
+from ..transports.base import Channel, Link, Reply, Status, Transport
 from ..wire import names
 from ..wire.codec import Codec, Payload
 from .fakes import InTurn, Late, chosen, gone_after, hinders, in_turn, is_late, late
-from .patience import SOON, wait_until
+from .patience import SOON
+from .stages import Raised, RealTime, VirtualTime
 
 __all__ = ["ComponentTest", "gone_after", "in_turn", "late", "load_component", "stand_ins"]
 
@@ -62,20 +59,23 @@ _OPPOSITE = {
 }
 _SET_PARAMETERS = next(each for each in COMMONBEHAVIOR_INTERFACE.operations if each.name == "setParameterList")
 
-_buses = itertools.count(1)
-
 
 class ComponentTest:
     """A running component, from entering the `with` block until leaving it.
 
     `config` holds settings by dotted key (`{"params.max_speed": 0.5, "component.period": 0.01}`), or is a
     configuration that was read; the keyword arguments are fakes: by port (`laser`), then by operation.
+
+    With `virtual`, the component runs in virtual time: it acts only within the methods of this class, a wait takes no
+    time, and each run of the test is the same. It must not start threads then, nor read the machine's clock.
     """
 
     def __init__(
         self,
         worker: type[Worker[Any]],
         config: Mapping[str, Any] | settings.Document | None = None,
+        *,
+        virtual: bool = False,
         **fakes: Mapping[str, Any],
     ) -> None:
         self._operations = {
@@ -93,47 +93,46 @@ class ComponentTest:
         }
         for key, value in {"component.startup_timeout": SOON, **given, **sources}.items():
             settings.override(document, f"{key}={_toml(value)}")
-        bus = f"test-{next(_buses)}"
-
-        def open_faced(config: TransportConfig) -> InprocTransport:
-            return _Faced(TransportConfig({"bus": bus}, config.owner), self._hindered)
-
         try:
             checked = settings.check(worker.component, document)
         except ConfigurationError as exc:
             raise ConfigurationError(f"{exc}{_advice(worker.component.params, document)}") from exc
-        self._running = Running(worker, checked, lambda name: open_faced)
-        # If a fake may answer late, no thread of the component waits longer than the deadline.
-        options = {"bus": bus, "hand_over": any(map(is_late, _answers(fakes)))}
-        self._open = partial(InprocTransport, TransportConfig(options, "test"))
-        self._transport: InprocTransport | None = None
+        kind = VirtualTime if virtual else RealTime
+        # If an answer may be late, no thread of the component waits for it longer than the deadline.
+        self._stage = kind(worker, checked, self._hindered, hand_over=any(map(is_late, _answers(fakes))))
+        self._running = self._stage.running
+        self._transport: Transport | None = None
         """From entering the block on: its threads would keep a program from ending that never enters it."""
         self._fakes = fakes
         self._received: list[tuple[str, tuple[Any, ...]]] = []
         self._proxies: dict[str, ports.Proxy] = {}
-        self._monitor = Monitor("fakes")
-        self._ending = threading.Event()
+        self._monitor = Monitor("fakes", self._stage.threads)
         self._facing: dict[str, list[Link]] = {}
         """The links of each port's other side."""
-        self._thread = threading.Thread(target=self._run, name="component under test")
-        self.fine = False
-        """After the block: whether the component ended without failing."""
 
     @property
     def worker(self) -> Any:
-        """The SpecificWorker itself, to look into. Its code runs on another thread."""
+        """The SpecificWorker itself, to look into. Its code runs on another thread, but not in virtual time."""
         return self._running.worker
+
+    @property
+    def fine(self) -> bool:
+        """After the block: whether the component ended without failing."""
+        return self._running.is_over and not self._running.failed
+
+    @property
+    def time(self) -> float:
+        """Seconds on the component's clock, since the start of the test in virtual time."""
+        return self._running.clock.now() / SECOND
 
     def __enter__(self) -> Self:
         self._monitor.open()
-        self._transport = self._open()
+        self._transport = self._stage.open()
         try:
             for port in self._running.component.ports:
                 self._face(port)
-            self._thread.start()
-            wait_until(
-                lambda: self._running.ready.is_set() or not self._thread.is_alive(), SOON * 2, "the component is ready"
-            )
+            self._stage.start()
+            self._stage.wait(self._running.ready.is_set, SOON * 2, "the component is ready")
         except BaseException:
             self._stop()
             raise
@@ -142,33 +141,28 @@ class ComponentTest:
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stop()
-        if self._thread.is_alive():
+        if not self._stop():
             raise AssertionError("the component did not stop")
 
-    def _stop(self) -> None:
-        self._ending.set()
-        self._running.stop()
-        if self._thread.ident is not None:
-            self._thread.join(SOON)
-        transport = self._transport
-        assert transport
-        with contextlib.suppress(AssertionError):  # a stuck fake is reported when the links are closed
-            wait_until(lambda: transport.idle, SOON, "the fakes have received what was sent to them")
+    def _stop(self) -> bool:
+        """Returns whether the component has ended."""
+        assert self._transport
+        ended = self._stage.stop(self._transport)
         for links in self._facing.values():
             ports.close_all(links)
         self._monitor.close()
-        transport.close()
+        self._transport.close()
+        return ended
 
     def call(self, operation: str, *arguments: Any, deadline: float = SOON) -> Any:
         """Call what the component implements: `call("Speech.say", "hello")`."""
         proxy, contract = self._proxy(operation)
-        return proxy._ask(contract, arguments, deadline)
+        return self._stage.do(partial(proxy._ask, contract, arguments, deadline))
 
     def send(self, operation: str, *arguments: Any) -> None:
         """Publish to the component, or send it a command: `send("LaserPub.pushLaserData", scan)`."""
         proxy, contract = self._proxy(operation)
-        proxy._send(contract, arguments, SOON)
+        self._stage.do(partial(proxy._send, contract, arguments, SOON))
 
     def change(self, params: Mapping[str, Any]) -> None:
         """Change dynamic parameters, as another component would: `change({"max_speed": 1.0})`.
@@ -181,7 +175,7 @@ class ComponentTest:
         if port.name not in self._proxies:
             self._face(port)
         given = {name: Parameter(editable=True, value=str(value), type="") for name, value in params.items()}
-        self._proxies[port.name]._ask(_SET_PARAMETERS, (given,), SOON)
+        self._stage.do(partial(self._proxies[port.name]._ask, _SET_PARAMETERS, (given,), SOON))
 
     @contextlib.contextmanager
     def without(self, port: str) -> Iterator[None]:
@@ -202,18 +196,19 @@ class ComponentTest:
         self._known(operation)
         return [arguments for name, arguments in list(self._received) if name == operation]
 
+    def run(self, seconds: float) -> None:
+        """Let the component run for so many seconds. In virtual time, that takes no longer than its work."""
+        self._stage.run(seconds)
+
     def wait_for(self, condition: Callable[[], object], timeout: float = SOON) -> None:
-        """Wait until a condition holds; fail if it does not in time, or if the component ends."""
-        wait_until(lambda: condition() or not self._thread.is_alive(), timeout)
+        """Wait until a condition holds. Fails if it does not within `timeout` seconds, or if the component ends."""
+        self._stage.wait(condition, timeout)
         assert condition(), "the component ended"
 
     def wait_for_computes(self, number: int) -> None:
         """Wait until `compute` was called this many more times."""
         wanted = self._running.computes + number
         self.wait_for(lambda: self._running.computes >= wanted)
-
-    def _run(self) -> None:
-        self.fine = self._running.run()
 
     def _face(self, port: Port) -> None:
         """Make the other side of a port."""
@@ -265,14 +260,14 @@ class ComponentTest:
         answer = chosen(fake)
         if isinstance(answer, Late):
             with self._monitor.suspended():
-                self._ending.wait(answer.seconds)
+                self._stage.sleep(answer.seconds)
             answer = chosen(answer.answer)
         try:
             if isinstance(answer, BaseException):
                 raise answer
             return answer(*arguments) if callable(answer) else answer
         except TransportError as exc:
-            raise Outcome(Reply(Status.FAILED, _Raised(exc))) from exc
+            raise Outcome(Reply(Status.FAILED, Raised(exc))) from exc
 
     def _hindered(self, channel: Channel, payload: Payload, codec: Codec) -> TransportError | None:
         """The error with which a command or publication of the component ends; None if it is sent."""
@@ -284,75 +279,6 @@ class ComponentTest:
             operation = self._operations[port.name][name]
             self._received.append((f"{port.name}.{name}", codec.decoder(operation.request)(payload)))
         return error
-
-
-class _Raised:
-    """Replaces a reply's payload: the error with which the component's call ends."""
-
-    def __init__(self, error: TransportError) -> None:
-        self.error = error
-
-
-_Hindered = Callable[[Channel, Payload, Codec], TransportError | None]
-
-
-class _Faced(InprocTransport):
-    """The transport of the component under test. Fakes also decide whether messages arrive."""
-
-    def __init__(self, config: TransportConfig, hindered: _Hindered) -> None:
-        super().__init__(config)
-        self._error_of = hindered
-
-    def caller(self, channel: Channel) -> Any:
-        return _FacedCaller(super().caller(channel))
-
-    def outlet(self, channel: Channel) -> Any:
-        return _FacedOutlet(super().outlet(channel), channel, self.codec, self._error_of)
-
-
-class _FacedCaller:
-    def __init__(self, caller: Caller) -> None:
-        self._caller = caller
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._caller, name)
-
-    def ask(self, payload: Payload, deadline: float) -> Reply:
-        return _outcome(self._caller.ask(payload, deadline))
-
-    def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        asked, answer = self._caller.call(payload, deadline), Future[Reply]()
-
-        def ended(done: Future[Reply]) -> None:
-            if done.cancelled() or not answer.set_running_or_notify_cancel():
-                return
-            try:
-                answer.set_result(_outcome(done.result()))
-            except BaseException as exc:  # passed to the waiting caller
-                answer.set_exception(exc)
-
-        asked.add_done_callback(ended)
-        return answer
-
-
-def _outcome(reply: Reply) -> Reply:
-    if isinstance(reply.payload, _Raised):
-        raise reply.payload.error
-    return reply
-
-
-class _FacedOutlet:
-    def __init__(self, outlet: Outlet, channel: Channel, codec: Codec, hindered: _Hindered) -> None:
-        self._outlet, self._channel, self._codec, self._hindered = outlet, channel, codec, hindered
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._outlet, name)
-
-    def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        error = self._hindered(self._channel, payload, self._codec)
-        if error:
-            raise error
-        self._outlet.send(payload, deadline)
 
 
 class _Fake:

@@ -82,6 +82,8 @@ class Executor:
         """`start` is the first instant, in ns."""
         self.now = start
         """The present instant, in ns."""
+        self.events = 0
+        """Number of events so far."""
         self.closed = False
         self._soon: deque[Job | Pause] = deque()
         self._later: list[tuple[int, float, int, Job]] = []
@@ -135,6 +137,11 @@ class Executor:
             raise failure
         return bool(until())
 
+    def run_next(self, end: int) -> bool:
+        """Run the next event, if there is one until the instant `end`; returns whether there was one."""
+        events = self.events
+        return self.run(lambda: self.events > events, end)
+
     def close(self) -> None:
         """End all threads. Where user code waits, `wait` raises Closed. Idempotent."""
         self.closed = True
@@ -158,9 +165,14 @@ class Executor:
         """Do something at an instant (ns)."""
         heapq.heappush(self._later, (instant, order, next(self._ages), job))
 
+    @property
+    def is_here(self) -> bool:
+        """Whether the calling thread runs an event."""
+        return self._running == threading.get_ident()
+
     def check_thread(self) -> None:
         """Raise ComponentError on a thread that a component started."""
-        if self._running != threading.get_ident():
+        if not self.is_here:
             raise ComponentError(
                 f"the thread `{threading.current_thread().name}` is not part of the simulation: in virtual time, "
                 "components call others, publish and wait only in methods that the framework calls"
@@ -221,6 +233,7 @@ class Executor:
                 event = self._next()
                 if event is None:
                     break
+                self.events += 1
                 if isinstance(event, Pause):
                     return event.turn
                 event()

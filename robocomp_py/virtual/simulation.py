@@ -16,10 +16,10 @@ from ..runtime.run import Running
 from ..runtime.settings import Settings
 from ..runtime.worker import Worker
 from ..spelling import unknown
-from .executor import Executor, Pause
+from .executor import Executor
 from .record import Record
-from .threads import TurnThreads
 from .transport import Air
+from .turns import TurnClock, TurnThreads
 
 log = logging.getLogger("robocomp.simulation")
 
@@ -50,7 +50,7 @@ class Simulation:
         self._components: dict[str, Simulated] = {}
         self._before = set(threading.enumerate())
         for order, part in enumerate(parts):
-            clock = _Clock(self._executor, order)
+            clock = TurnClock(self._executor, order)
             running = Running(
                 part.worker_class, part.settings, air.factory, _tell, clock, TurnThreads(self._executor), seed=seed
             )
@@ -189,20 +189,6 @@ class Simulated:
             raise ComponentError(f"{self.instance} requires an interface that no component of the network implements")
         if self._running.is_over:
             self._running.end()
-
-
-class _Clock:
-    """The clock of one component; see `runtime.clock.Clock`."""
-
-    def __init__(self, executor: Executor, order: int) -> None:
-        self._executor, self._order = executor, order
-
-    def now(self) -> int:
-        return self._executor.now
-
-    def wait(self, wake: threading.Event, until: int) -> bool:
-        Pause(self._executor, wake.is_set).wait(None if until == NEVER else until, self._order)
-        return wake.is_set()
 
 
 def _tell(text: str) -> None:

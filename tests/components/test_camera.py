@@ -13,7 +13,7 @@ IMAGE = "camerasimplepub.pushImage"
 
 
 def test_without_a_pose_there_is_no_picture() -> None:
-    with ComponentTest(SpecificWorker, SMALL) as component:
+    with ComponentTest(SpecificWorker, SMALL, virtual=True) as component:
         component.wait_for_computes(3)
         with pytest.raises(HardwareFailedException, match="no picture yet"):
             component.call("CameraSimple.getImage")
@@ -22,7 +22,7 @@ def test_without_a_pose_there_is_no_picture() -> None:
 
 
 def test_every_compute_shows_a_picture() -> None:
-    with ComponentTest(SpecificWorker, SMALL) as component:
+    with ComponentTest(SpecificWorker, SMALL, virtual=True) as component:
         component.send("DifferentialRobotPub.pushBaseState", POSE)
         component.wait_for(lambda: len(component.received(IMAGE)) >= 3)
     (image,) = component.received(IMAGE)[-1]
@@ -31,7 +31,7 @@ def test_every_compute_shows_a_picture() -> None:
 
 
 def test_callers_get_the_newest_picture() -> None:
-    with ComponentTest(SpecificWorker, SMALL) as component:
+    with ComponentTest(SpecificWorker, SMALL, virtual=True) as component:
         component.send("DifferentialRobotPub.pushBaseState", POSE)
         component.wait_for(lambda: component.received(IMAGE))
         image = component.call("CameraSimple.getImage")
@@ -39,7 +39,7 @@ def test_callers_get_the_newest_picture() -> None:
 
 
 def test_another_pose_gives_another_picture() -> None:
-    with ComponentTest(SpecificWorker, SMALL) as component:
+    with ComponentTest(SpecificWorker, SMALL, virtual=True) as component:
         component.send("DifferentialRobotPub.pushBaseState", POSE)
         component.wait_for(lambda: component.received(IMAGE))
         first = bytes(component.received(IMAGE)[0][0].image)

@@ -29,6 +29,7 @@ class World:
             FAST,
             gotopoint={"atTarget": lambda: self.arrived},
             speech={"say": True, "isBusy": lambda: self.speaking},
+            virtual=True,
         )
 
     def show(self, red_px: int = 0) -> None:

@@ -21,7 +21,7 @@ def is_busy(component: ComponentTest) -> bool:
 
 
 def test_it_is_busy_until_everything_is_said() -> None:
-    with ComponentTest(SpecificWorker, FAST) as component:
+    with ComponentTest(SpecificWorker, FAST, virtual=True) as component:
         assert not is_busy(component)
         assert say(component, "help is near")
         assert is_busy(component)
@@ -40,28 +40,28 @@ class Counting(SpecificWorker):
 
 
 def test_every_word_takes_as_many_computes_as_configured() -> None:
-    with ComponentTest(Counting, {**FAST, "params.computes_per_word": 5}) as component:
+    with ComponentTest(Counting, {**FAST, "params.computes_per_word": 5}, virtual=True) as component:
         say(component, "one two three")
         component.wait_for(lambda: not is_busy(component))
         assert component.worker.busy == 3 * 5
 
 
 def test_what_is_being_said_is_not_broken_off() -> None:
-    with ComponentTest(SpecificWorker, SLOW) as component:
+    with ComponentTest(SpecificWorker, SLOW, virtual=True) as component:
         assert say(component, "first")
         assert not say(component, "second")
         assert component.worker.text == "first"
 
 
 def test_what_is_being_said_is_broken_off_if_wanted() -> None:
-    with ComponentTest(SpecificWorker, SLOW) as component:
+    with ComponentTest(SpecificWorker, SLOW, virtual=True) as component:
         assert say(component, "first")
         assert say(component, "second", overwrite=True)
         assert component.worker.text == "second"
 
 
 def test_words_are_shown_as_they_are_said(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.INFO), ComponentTest(SpecificWorker, FAST) as component:
+    with caplog.at_level(logging.INFO), ComponentTest(SpecificWorker, FAST, virtual=True) as component:
         say(component, "help is near")
         component.wait_for(lambda: not is_busy(component))
     assert [message for message in caplog.messages if message != "ready"] == ["help …", "is …", "near"]

@@ -34,7 +34,7 @@ def at(x: float = 0.0, z: float = 0.0, alpha: float = 0.0) -> TBaseState:
 
 def wander(seen: Callable[[], Any] = lambda: (scan(), at()), **config: Any) -> ComponentTest:
     settings = {**FAST, **{f"params.{key}": value for key, value in config.items()}}
-    return ComponentTest(SpecificWorker, settings, laser={"getLaserAndBStateData": seen})
+    return ComponentTest(SpecificWorker, settings, laser={"getLaserAndBStateData": seen}, virtual=True)
 
 
 def explore(component: ComponentTest, seen: list[TData]) -> tuple[float, float]:

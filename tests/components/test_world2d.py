@@ -16,7 +16,9 @@ SPEED = "DifferentialRobot.setSpeedBase"
 
 
 def world(**config: float | str) -> ComponentTest:
-    return ComponentTest(SpecificWorker, {**FAST, **{f"params.{key}": value for key, value in config.items()}})
+    return ComponentTest(
+        SpecificWorker, {**FAST, **{f"params.{key}": value for key, value in config.items()}}, virtual=True
+    )
 
 
 def test_every_compute_tells_scan_pose_and_battery() -> None:

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -28,12 +29,18 @@ from robocomp_py.errors import (
     Unreachable,
 )
 from robocomp_py.runtime.worker import Worker
-from robocomp_py.testing import components
 from robocomp_py.testing import everything as e
+from robocomp_py.testing import stages
 from robocomp_py.testing.components import ComponentTest, gone_after, in_turn, late, stand_ins
 from robocomp_py.testing.patience import SOON, wait_until
 
 from ..runtime.components import Calculator, EverythingProxy, EverythingPublisher, Tuned
+
+
+@pytest.fixture(autouse=True, params=["real", "virtual"])
+def time_of_tests(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test runs in real time and in virtual time."""
+    monkeypatch.setitem(globals(), "ComponentTest", partial(ComponentTest, virtual=request.param == "virtual"))
 
 
 class Comparing(Worker[None]):
@@ -154,7 +161,8 @@ def test_one_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.Monk
     def given_up(*arguments: object) -> None:
         raise AssertionError("not ready")
 
-    monkeypatch.setattr(components, "wait_until", given_up)
+    for stage in (stages.RealTime, stages.VirtualTime):
+        monkeypatch.setattr(stage, "wait", given_up)
     before = set(threading.enumerate())
     with pytest.raises(AssertionError, match="not ready"), ComponentTest(Calculator):
         raise AssertionError("it was entered")

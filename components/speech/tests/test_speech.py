@@ -10,6 +10,6 @@ SpecificWorker = load_component(Path(__file__).parents[1])
 
 
 def test_speech_starts_computes_and_stops() -> None:
-    with ComponentTest(SpecificWorker) as component:
+    with ComponentTest(SpecificWorker, virtual=True) as component:
         component.wait_for_computes(3)
     assert component.fine

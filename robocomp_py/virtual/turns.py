@@ -1,15 +1,30 @@
-"""How the workers of a simulation wait, and where their jobs run: all take turns, as the executor says."""
+"""What components need of an executor: a clock, and threads that take turns."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from ..runtime.clock import SECOND
+from ..runtime.clock import NEVER, ns
 from ..runtime.monitor import Signal, Threads, Workers
 from ..threads import Job
 from .executor import Executor, Pause
+
+
+class TurnClock:
+    """The clock of one component; see `runtime.clock.Clock`. It stands still while an event runs."""
+
+    def __init__(self, executor: Executor, order: int = 0) -> None:
+        self._executor, self._order = executor, order
+
+    def now(self) -> int:
+        return self._executor.now
+
+    def wait(self, wake: threading.Event, until: int) -> bool:
+        Pause(self._executor, wake.is_set).wait(None if until == NEVER else until, self._order)
+        return wake.is_set()
 
 
 class TurnThreads(Threads):
@@ -28,7 +43,7 @@ class TurnThreads(Threads):
     def wait_for(self, future: Future[Any], timeout: float | None) -> None:
         pause = Pause(self._executor)
         future.add_done_callback(lambda _: pause.end())
-        pause.wait(None if timeout is None else self._executor.now + round(timeout * SECOND))
+        pause.wait(None if timeout is None else self._executor.now + ns(timeout))
 
 
 class _Events:
