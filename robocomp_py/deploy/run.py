@@ -1,7 +1,7 @@
 """Runs a plan: one queue of events, one loop that does what the policy says.
 
-Each host has an agent that starts and ends its processes, and a lane in which it is asked to, so that a host that is
-slow holds up no other.
+Each host has an agent that starts and ends its processes, and a queue of commands for it, so that a slow host holds up
+no other.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..runtime.notify import notify
 from ..transports.base import TransportConfig, hosting
 from ..transports.deployment import deployment_of
 from .agents import Agent, Listener, Usage
-from .lane import ABREAST, Lane
+from .host_commands import ABREAST, HostCommands
 from .plan import Plan
 from .policy import (
     FAILED,
@@ -137,7 +137,7 @@ class _Run(Listener, Network):
         self._events: asyncio.Queue[Event] = asyncio.Queue()
         self._stop_asked = asyncio.Event()
         self._agents = agents
-        self._lanes: dict[str, Lane] = {}
+        self._commands: dict[str, HostCommands] = {}
         self._unreachable: dict[str, str] = {}
         """Why a host is out of reach."""
         self._contracts: dict[str, Mapping[str, str]] = {name: each.operations for name, each in plan.ours.items()}
@@ -171,7 +171,7 @@ class _Run(Listener, Network):
         except DeploymentError as exc:
             self._display.tell(str(exc))
             return FAILED
-        self._lanes = {host: Lane(agent, self) for host, agent in agents.items()}
+        self._commands = {host: HostCommands(agent, self) for host, agent in agents.items()}
         try:
             code = await self._open()
             if code is not None:
@@ -187,7 +187,7 @@ class _Run(Listener, Network):
 
     async def _open(self) -> int | None:
         """Open all agents. Returns the exit code if one of them failed or a stop was requested."""
-        opening = asyncio.gather(*(lane.agent.open() for lane in self._lanes.values()), return_exceptions=True)
+        opening = asyncio.gather(*(each.agent.open() for each in self._commands.values()), return_exceptions=True)
         asked = asyncio.create_task(self._stop_asked.wait())
         try:
             await asyncio.wait((opening, asked), return_when=asyncio.FIRST_COMPLETED)
@@ -219,7 +219,7 @@ class _Run(Listener, Network):
 
     async def _close(self) -> None:
         """Close the agents of all hosts, even if one of them fails."""
-        closing = [asyncio.create_task(lane.agent.close()) for lane in self._lanes.values()]
+        closing = [asyncio.create_task(each.agent.close()) for each in self._commands.values()]
         done, late = await asyncio.wait(closing, timeout=CLOSING) if closing else (set(), set())
         for task in late:
             task.cancel()
@@ -232,10 +232,10 @@ class _Run(Listener, Network):
     async def _supervised(self) -> int:
         self._measure()
         self._remind_later()
-        async with asyncio.TaskGroup() as lanes:
+        async with asyncio.TaskGroup() as group:
             tasks = [
-                lanes.create_task(lane.run(), name=f"host {host}")
-                for host, lane in self._lanes.items()
+                group.create_task(each.run(), name=f"host {host}")
+                for host, each in self._commands.items()
                 for _ in range(1 if host else ABREAST)
             ]
             code = await self._loop()
@@ -265,18 +265,18 @@ class _Run(Listener, Network):
     def _do(self, action: Action) -> None:
         match action:
             case Start(name):
-                self._lane(name).start(self._processes[name])
+                self._commands_for(name).start(self._processes[name])
             case Stop(name):
-                self._lane(name).stop(name)
+                self._commands_for(name).stop(name)
             case Kill(name):
-                self._lane(name).kill(name)
+                self._commands_for(name).kill(name)
             case Retry() | GaveUp() | Along() | Stuck():
                 pass  # reported already
             case Finish():
                 raise AssertionError("`Finish` is handled by the loop")
 
-    def _lane(self, name: str) -> Lane:
-        return self._lanes[self._processes[name].host]
+    def _commands_for(self, name: str) -> HostCommands:
+        return self._commands[self._processes[name].host]
 
     def _handle(self, event: Event) -> list[Action]:
         """Let the policy decide, and report its decision."""
@@ -375,7 +375,7 @@ class _Run(Listener, Network):
 
     def lost(self, host: str, why: str) -> None:
         self._unreachable[host] = why
-        self._lanes[host].forget()
+        self._commands[host].forget()
         self._events.put_nowait(Lost(host, why))
 
     def back(self, host: str) -> None:
@@ -385,13 +385,13 @@ class _Run(Listener, Network):
     # How it is.
 
     def _measure(self) -> None:
-        for lane in self._lanes.values():
-            self._meter.read(lane.agent.usage())
+        for each in self._commands.values():
+            self._meter.read(each.agent.usage())
         self._later("measure", MEASURE, self._measure)
 
     def snapshot(self) -> Snapshot:
         supervisor, now = self._supervisor, self._clock()
-        usage = {name: used for lane in self._lanes.values() for name, used in lane.agent.usage().items()}
+        usage = {name: used for each in self._commands.values() for name, used in each.agent.usage().items()}
         hosts = tuple(
             HostStatus(
                 each.name, each.address, each.name not in self._unreachable, self._unreachable.get(each.name, "")

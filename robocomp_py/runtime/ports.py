@@ -24,7 +24,7 @@ from ..transports.base import (
     Reply,
     Statistics,
     Status,
-    SupportsHeard,
+    SupportsSubscribers,
     Transport,
     TypeRef,
     about_to_block,
@@ -260,11 +260,11 @@ class BoundSend:
 
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
         self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
-        self._tells = outlet if isinstance(outlet, SupportsHeard) else None
+        self._tells = outlet if isinstance(outlet, SupportsSubscribers) else None
 
     @property
-    def heard(self) -> bool:
-        return self._tells is None or self._tells.heard
+    def has_subscribers(self) -> bool:
+        return self._tells is None or self._tells.has_subscribers
 
     @cached_property
     def loans(self) -> Loans:
@@ -311,7 +311,7 @@ class FanOut:
 
     def _needed(self) -> list[BoundSend]:
         """The middlewares with subscribers, or the first if there are none."""
-        return [way for way in self._ways if way.heard] or list(self._ways[:1])
+        return [way for way in self._ways if way.has_subscribers] or list(self._ways[:1])
 
 
 class WatchedSend:

@@ -292,19 +292,18 @@ def _complete(
     document: Document, component: Component, generated_for: str, name: str, options: Mapping[str, Any]
 ) -> None:
     """Add the settings of ports that follow from the options of a transport."""
-    from ..transports.deployment import Completion, deployment_of  # only a component with such a table needs these
+    from ..transports.deployment import (  # only a component with such a table needs these
+        Completion,
+        Incomplete,
+        deployment_of,
+    )
     from .commonbehavior import port_of
 
     is_overridden = any(key[0] == "ports" and key[-1] == "from" for key, _ in document.overrides)
-    found = deployment_of(name).complete(
-        options,
-        component,
-        port_of(component),
-        lambda: examine(component, document)[0],
-        generated_for,
-        is_overridden=is_overridden,
+    of = Incomplete(
+        component, port_of(component), lambda: examine(component, document)[0], generated_for, is_overridden
     )
-    for each in list(found):
+    for each in list(deployment_of(name).complete(options, of)):
         if isinstance(each, Completion):
             put(document.data, each.key, each.value)
             document.overrides.append((each.key, document.place(each.said_by)))

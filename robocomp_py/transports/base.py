@@ -287,9 +287,9 @@ class SupportsConnected(Protocol):
 
 
 @runtime_checkable
-class SupportsHeard(Protocol):
+class SupportsSubscribers(Protocol):
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether a message of this outlet may reach a peer, now or later. Must be fast: it is read before each message
         that could go by several transports."""
         ...
@@ -346,7 +346,7 @@ class OptionalPart(NamedTuple):
 
 OPTIONAL_PARTS = (
     OptionalPart(SupportsConnected, "an outlet or inlet of a topic", "it counts as connected once it is open"),
-    OptionalPart(SupportsHeard, "an outlet", "each message is sent"),
+    OptionalPart(SupportsSubscribers, "an outlet", "each message is sent"),
     OptionalPart(SupportsLoan, "an outlet", "a message is filled in other memory, and copied"),
     OptionalPart(SupportsSources, "an inlet of a topic", "the transport cannot declare LIVELINESS"),
     OptionalPart(SupportsQuestion, "a caller", "a repeated request may be executed twice"),

@@ -56,6 +56,20 @@ class Completion:
     said_by: Key
 
 
+@dataclass(frozen=True)
+class Incomplete:
+    """A component whose configuration is set except for what follows from options of transports."""
+
+    component: Component
+    own: Port | None
+    """The port of its `CommonBehavior`."""
+    settings: Callable[[], Settings]
+    generated_for: str
+    """The middleware of its generic part."""
+    is_overridden: bool
+    """Whether something other than the file decides what a port uses."""
+
+
 class Deployment:
     """The deployment side of a transport. The values here are those of a transport that declares nothing."""
 
@@ -111,21 +125,8 @@ class Deployment:
         """What is wrong with the options of an instance, before it opens anything."""
         yield from ()
 
-    def complete(
-        self,
-        options: Mapping[str, Any],
-        component: Component,
-        own: Port | None,
-        settings: Callable[[], Settings],
-        generated_for: str,
-        *,
-        is_overridden: bool,
-    ) -> Iterator[Complaint | Completion]:
-        """What options mean to the ports of a component, once everything else is set.
-
-        `own` is the port of its `CommonBehavior`, `generated_for` the middleware of its generic part, and
-        `is_overridden` tells whether something other than the file decides what a port uses.
-        """
+    def complete(self, options: Mapping[str, Any], of: Incomplete) -> Iterator[Complaint | Completion]:
+        """What options mean to the ports of a component, once everything else is set."""
         yield from ()
 
     def outside(self, options: Mapping[str, Any], channel: str) -> str:

@@ -35,8 +35,8 @@ from .base import (
     Sink,
     Source,
     Status,
-    SupportsHeard,
     SupportsSources,
+    SupportsSubscribers,
     TransportConfig,
     depth_of,
     options_of,
@@ -181,7 +181,7 @@ class _Link(BaseLink[InprocTransport, _Seen]):
             self._bus.version += 1
 
 
-class _Outlet(_Link, SupportsHeard):
+class _Outlet(_Link, SupportsSubscribers):
     sides = "outlet", "inlet"
 
     def __init__(self, transport: InprocTransport, channel: Channel) -> None:
@@ -197,7 +197,7 @@ class _Outlet(_Link, SupportsHeard):
         """The subscribers that have got the history."""
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there is a subscriber, or a late one may want latched messages."""
         return bool(self._inlets() or self._history.maxlen)
 

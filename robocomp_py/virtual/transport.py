@@ -24,8 +24,8 @@ from ..transports.base import (
     Sink,
     Source,
     Statistics,
-    SupportsHeard,
     SupportsSources,
+    SupportsSubscribers,
     TransportFactory,
     depth_of,
     mismatch,
@@ -181,7 +181,7 @@ class _Link:
         return same
 
 
-class Outlet(_Link, SupportsHeard):
+class Outlet(_Link, SupportsSubscribers):
     def __init__(self, transport: VirtualTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
@@ -189,7 +189,7 @@ class Outlet(_Link, SupportsHeard):
         """The latest messages, each with its time in ns."""
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there is a subscriber, or a late one may want latched messages."""
         try:
             return bool(self.peers()) or bool(self._history.maxlen)

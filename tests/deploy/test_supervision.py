@@ -13,7 +13,7 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.agents import Abandoned, Agent, Listener, Usage
-from robocomp_py.deploy.lane import ABREAST
+from robocomp_py.deploy.host_commands import ABREAST
 from robocomp_py.deploy.plan import Host, Link, Plan
 from robocomp_py.deploy.policy import Escalation, Restart, RestartRequested, State, StopRequested, When
 from robocomp_py.deploy.process import Process

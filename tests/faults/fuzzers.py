@@ -147,26 +147,26 @@ def _sent(udp: socket.socket, packet: bytes, port: int) -> None:
 def _shm(
     transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
 ) -> Iterator[Callable[[], object]]:
-    """As letters in its mailbox: to that link, to others, to nobody, with a line for the answer that nobody has."""
-    from robocomp_py.transports.shm.mail import Post, packed
+    """As messages in its queue: to that link, to others, to nobody, with a line for the answer that nobody has."""
+    from robocomp_py.transports.shm.queues import Sender, packed
 
     role = "serves" if channel.pattern == "query" else "receives"
     member, entry = transport.directory.find(role, channel.name)[0]
-    post = Post(transport.node, packed(transport.member.id), member.id, 0)
-    undo.callback(post.close)
+    sender = Sender(transport.node, packed(transport.member.id), member.id, 0)
+    undo.callback(sender.close)
     chance = random.Random(seed)
     for frame in damaged(seed, count, _good(transport, channel)):
         to = chance.choice((int(entry.address), int(entry.address), 0, 77, 0xFFFFFFFF))
         line, at = chance.choice((0, 0, 1, 5000)), chance.choice((0, 26, 30, 34, 36))
         head, body = frame[: min(at, 36)], frame[at:]
-        yield partial(_posted, post, line, to, head, body)
+        yield partial(_posted, sender, line, to, head, body)
 
 
-def _posted(post: Any, line: int, to: int, head: bytes, body: bytes) -> None:
+def _posted(sender: Any, line: int, to: int, head: bytes, body: bytes) -> None:
     end = time.monotonic() + 10.0
-    while not post.send(line, to, head, body, len(body)):
+    while not sender.send(line, to, head, body, len(body)):
         if time.monotonic() > end:
-            raise TransportError("it does not take letters any more")
+            raise TransportError("it does not take messages any more")
         time.sleep(0.0005)
 
 

@@ -46,7 +46,7 @@ class Lending:
         self.stats = Statistics()
         self.error = error
         self.refuses: Exception | None = None
-        self.heard = True
+        self.has_subscribers = True
         self.deadlines: list[float] = []
         self.sent: list[bytes] = []
         self.begins: list[int] = []
@@ -435,13 +435,13 @@ def test_loaned_memory_without_subscribers_is_given_back() -> None:
     lending, plain = Lending(), Plain()
     with publisher((MessagePack(), plain), (Cdr(ROOM), lending)).loan_push(10) as filled:
         filled.pixels[:] = 3
-        lending.heard = False
+        lending.has_subscribers = False
     assert (len(plain.sent), lending.sent, lending.given_back) == (1, [], 1)
 
 
 def test_no_memory_is_loaned_without_subscribers() -> None:
     lending, within = Lending(), Plain()
-    lending.heard = False
+    lending.has_subscribers = False
     with publisher((Cdr(ROOM), lending), (Identity(), within)).loan_push(10) as filled:
         filled.pixels[:] = 3
     _, pixels = Identity().decoder(FRAME.request)(within.sent[0])

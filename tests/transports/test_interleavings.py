@@ -19,7 +19,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Statistics, TransportConfig, wait_connected
 from robocomp_py.transports.dds.topics import Publisher as DDSPublisher
 from robocomp_py.transports.dds.transport import DDSTransport
-from robocomp_py.transports.dds.types import Credit
+from robocomp_py.transports.dds.types import Grant
 from robocomp_py.transports.directory_transport import DirectoryLink
 from robocomp_py.transports.leader_followers import Job, Lane
 from robocomp_py.transports.shm.loop import Loop
@@ -165,7 +165,7 @@ def test_dds_credit_of_a_reader_that_is_not_discovered_yet_is_kept_although_anot
     with contextlib.closing(DDSTransport(TransportConfig({"domain": DOMAIN}))) as here:
         outlet = here.outlet(topic("a/b/c", RELIABLE))
         assert isinstance(outlet, DDSPublisher)
-        early = Credit(7, outlet.id, 0, 1000)
+        early = Grant(7, outlet.id, 0, 1000)
         outlet._early[7] = early
         outlet.look()
         assert outlet._early == {7: early}

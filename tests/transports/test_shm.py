@@ -47,11 +47,11 @@ from robocomp_py.transports.inotify import Watch
 from robocomp_py.transports.shm import dispatcher, node, room, samples
 from robocomp_py.transports.shm.early_wakeup import EarlyWakeup
 from robocomp_py.transports.shm.loop import Loop
-from robocomp_py.transports.shm.mail import AHEAD, LINGER, Post, packed, unpacked
-from robocomp_py.transports.shm.receipts import SLOTS, Credit, Reader, Receipts
+from robocomp_py.transports.shm.queues import AHEAD, LINGER, Sender, packed, unpacked
+from robocomp_py.transports.shm.receipts import SLOTS, Backlog, Reader, Receipts
 from robocomp_py.transports.shm.topics import LOANS, SHARE, Publisher
 from robocomp_py.transports.shm.transport import ShmTransport
-from robocomp_py.transports.shm.wakeup import MAIL, NEWS, NUDGE, WAKEUPS, Waker, Wakeup
+from robocomp_py.transports.shm.wakeup import NEWS, NUDGE, QUEUED, WAKEUPS, Waker, Wakeup
 
 LARGE = 1_000_000
 NAME = "shm/Conformance/op"
@@ -416,24 +416,24 @@ def test_numbers_are_without_gaps_after_a_timeout(here: ShmTransport, there: Shm
 
 def test_the_slowest_reader_decides_how_far_a_publisher_goes(tmp_path: Path) -> None:
     quick, slow = Receipts(tmp_path / "quick"), Receipts(tmp_path / "slow")
-    credit = Credit()
-    credit.meet([Reader(tmp_path / name, 7, 10) for name in ("quick", "slow")])
-    assert credit.wait(11, 2, time.monotonic(), lambda: None)
-    assert not credit.wait(12, 2, time.monotonic(), lambda: None)  # two are on their way to both, who begin at 10
+    backlog = Backlog()
+    backlog.meet([Reader(tmp_path / name, 7, 10) for name in ("quick", "slow")])
+    assert backlog.wait(11, 2, time.monotonic(), lambda: None)
+    assert not backlog.wait(12, 2, time.monotonic(), lambda: None)  # two are on their way to both, who begin at 10
     for receipts in (quick, slow):
         receipts.begin(7)
     quick.took(7, 12)
-    assert not credit.wait(12, 2, time.monotonic(), lambda: None)
+    assert not backlog.wait(12, 2, time.monotonic(), lambda: None)
     slow.took(7, 11)
-    assert credit.wait(12, 2, time.monotonic(), lambda: None)
+    assert backlog.wait(12, 2, time.monotonic(), lambda: None)
 
 
 def test_a_publisher_that_waits_is_called_once_there_is_room(tmp_path: Path) -> None:
-    receipts, credit = Receipts(tmp_path / "reader"), Credit()
+    receipts, backlog = Receipts(tmp_path / "reader"), Backlog()
     receipts.begin(7)
-    credit.meet([Reader(tmp_path / "reader", 7, 0)])
+    backlog.meet([Reader(tmp_path / "reader", 7, 0)])
     assert not receipts.took(7, 1)  # nobody waits
-    assert not credit.wait(5, 4, time.monotonic(), lambda: None)
+    assert not backlog.wait(5, 4, time.monotonic(), lambda: None)
     assert [receipts.took(7, number) for number in (2, 3, 4)] == [False, True, False]
 
 
@@ -770,7 +770,7 @@ def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
     def while_looking(*, strict: bool = False) -> list[Found]:
         with monkeypatch.context() as sending:
             sending.setattr(outlet, "look", lambda: looks.append("sender"))
-            assert outlet.heard in (True, False)  # what each `send` asks, too
+            assert outlet.has_subscribers in (True, False)  # what each `send` asks, too
         return counterparts(strict=strict)
 
     monkeypatch.setattr(outlet, "counterparts", while_looking)
@@ -837,7 +837,7 @@ def test_what_is_only_announced_wakes_and_is_not_taken_for_a_message(tmp_path: P
     assert wakeup.woken(SOON)
     for _ in range(10_000):
         waker.wake(NUDGE)
-    assert MAIL in wakeup.wait(SOON)  # the later number did not fit in
+    assert QUEUED in wakeup.wait(SOON)  # the later number did not fit in
     wakeup.close()
 
 
@@ -1111,23 +1111,23 @@ def test_an_answer_for_which_there_is_no_memory_fails_its_call(
 # What is not ours.
 
 
-def test_malformed_letters_are_counted(
+def test_malformed_messages_are_counted(
     here: ShmTransport, there: ShmTransport, caplog: pytest.LogCaptureFixture
 ) -> None:
     inbox = Inbox()
     link = here.inlet(command(NAME), put(here, inbox))
     outlet = there.outlet(command(NAME))
     assert outlet.wait_peer(SOON)
-    post = Post(there.node, packed(there.member.id), here.member.id, 0)
+    sender = Sender(there.node, packed(there.member.id), here.member.id, 0)
     for header in (b"", b"\x63" * 30):
-        assert post.send(0, int(link.address), header, b"rubbish", 7)  # type: ignore[union-attr]
-        assert post.send(0, 0, header, b"rubbish", 7)
-        assert post.send(0, 12345, header, b"rubbish", 7)
+        assert sender.send(0, int(link.address), header, b"rubbish", 7)  # type: ignore[union-attr]
+        assert sender.send(0, 0, header, b"rubbish", 7)
+        assert sender.send(0, 12345, header, b"rubbish", 7)
     outlet.send(blob(there, b"fine"))
     assert inbox.get(timeout=SOON) == b"fine"
     wait_until(lambda: link.stats.malformed == 2)
     assert sum("malformed" in record.message for record in caplog.records) == 2  # of the link, and of nobody's
-    post.close()
+    sender.close()
 
 
 def test_names_of_members_are_numbers_too() -> None:

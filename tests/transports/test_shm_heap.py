@@ -23,8 +23,8 @@ from robocomp_py.transports.base import Reply, Status, TransportConfig
 from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.shm import heap, node
 from robocomp_py.transports.shm.heap import SPARE
-from robocomp_py.transports.shm.mail import packed
 from robocomp_py.transports.shm.pages import Pages
+from robocomp_py.transports.shm.queues import packed
 from robocomp_py.transports.shm.receipts import Receipts
 from robocomp_py.transports.shm.transport import ShmTransport
 

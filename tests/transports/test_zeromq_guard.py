@@ -16,7 +16,7 @@ import zmq
 from robocomp_py.errors import TransportError
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, SupportsHeard
+from robocomp_py.transports.base import Reply, Status, SupportsSubscribers
 from robocomp_py.transports.directory import Entry, Member
 from robocomp_py.transports.zeromq import guard, remote
 from robocomp_py.transports.zeromq.bounds import SUBSCRIBED, UNFINISHED, Kind
@@ -170,8 +170,8 @@ def test_unsubscribing_without_a_subscription_silences_no_other(hosts: Hosts) ->
         stranger.sendall(50 * (bytes([0, 1 + len(named), 0]) + named) + bytes([0, 1 + len(mark), 1]) + mark)
         while mark not in said:
             said += stranger.recv(4096)
-        assert isinstance(outlet, SupportsHeard)
-        assert outlet.heard
+        assert isinstance(outlet, SupportsSubscribers)
+        assert outlet.has_subscribers
     outlet.send(news(camera, 1, "hello"))
     assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "hello")
 

@@ -16,7 +16,7 @@ import zmq
 from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
 from robocomp_py.testing.conformance import query, topic
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Reply, Status, SupportsHeard, TransportConfig
+from robocomp_py.transports.base import Reply, Status, SupportsSubscribers, TransportConfig
 from robocomp_py.transports.zeromq import client
 from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
@@ -326,10 +326,10 @@ def test_a_publisher_notices_that_its_last_subscriber_has_gone(
     outlet = there.outlet(topic("a/b/t"))
     inlet = here.inlet(topic("a/b/t"), lambda _: None)
     assert outlet.wait_peer(SOON)
-    assert isinstance(outlet, SupportsHeard)
-    assert outlet.heard
+    assert isinstance(outlet, SupportsSubscribers)
+    assert outlet.has_subscribers
     inlet.close()
-    wait_until(lambda: not outlet.heard)
+    wait_until(lambda: not outlet.has_subscribers)
 
 
 def test_a_slow_greeting_that_the_server_rejected_is_repeated(

@@ -26,8 +26,8 @@ from ..base import (
     Channel,
     Sink,
     Source,
-    SupportsHeard,
     SupportsSources,
+    SupportsSubscribers,
     about_to_block,
     depth_of,
 )
@@ -43,14 +43,14 @@ from .link import DISCOVERY_PAUSE, INTAKE, KEEP_ALL, STRANGERS, Link, best_effor
 from .types import (
     BEFORE_TAIL,
     START,
-    Credit,
+    Grant,
     Message,
     credit_type,
     fill_publication,
-    pack_credit,
+    pack_grant,
     publication_fields,
     publication_type,
-    read_credit,
+    read_grant,
     unreadable,
 )
 
@@ -77,7 +77,7 @@ _LONGEST_PAUSE = 1.0
 _NO_DATA = bytes(64)
 
 
-class Publisher(Link, SupportsHeard):
+class Publisher(Link, SupportsSubscribers):
     role, facing = "publishes", "subscribes"
 
     def __init__(self, transport: DDSTransport, channel: Channel) -> None:
@@ -94,7 +94,7 @@ class Publisher(Link, SupportsHeard):
         self._limit: float = _NONE
         """The smallest of these."""
         self._greeted: set[int] = set()
-        self._early: dict[int, Credit] = {}
+        self._early: dict[int, Grant] = {}
         self._greeted_handles: set[int] = set()
         """The readers that have been greeted."""
         self._due = _NONE
@@ -160,7 +160,7 @@ class Publisher(Link, SupportsHeard):
         return bool(matched - (named - same))  # readers of other programs have no fingerprint to compare
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         return self.channel.qos.latched or bool(self._writer and self._writer.matched())
 
     def reached(self) -> set[int]:
@@ -247,29 +247,29 @@ class Publisher(Link, SupportsHeard):
             if not info.valid_data:
                 continue
             try:
-                credit = read_credit(sample)
+                grant = read_grant(sample)
             except DecodeError as exc:
                 self.malformed(exc)
                 continue
-            if credit.source != self.id:
+            if grant.source != self.id:
                 continue
             with self._room:
-                if credit.reader in self._limits:
-                    self._grant(credit)
+                if grant.reader in self._limits:
+                    self._grant(grant)
                 else:
-                    self._early[credit.reader] = credit  # discovery will report the reader soon
+                    self._early[grant.reader] = grant  # discovery will report the reader soon
                     if len(self._early) > BATCH:
                         del self._early[next(iter(self._early))]
         return []
 
-    def _grant(self, credit: Credit) -> None:
-        limit = credit.sequence + credit.window
-        if credit.reader in self._greeted:
-            limit = max(limit, self._limits[credit.reader])
+    def _grant(self, grant: Grant) -> None:
+        limit = grant.sequence + grant.window
+        if grant.reader in self._greeted:
+            limit = max(limit, self._limits[grant.reader])
         else:
-            self._greeted.add(credit.reader)
-            limit = max(limit, self._sent + credit.window)  # messages sent before the reader came do not count
-        self._limits[credit.reader] = limit
+            self._greeted.add(grant.reader)
+            limit = max(limit, self._sent + grant.window)  # messages sent before the reader came do not count
+        self._limits[grant.reader] = limit
         self._limits_changed()
 
 
@@ -572,7 +572,7 @@ class Subscriber(Link, SupportsSources):
         consumed = topic.consumed.get(source, 0)
         topic.granted[source] = consumed
         with contextlib.suppress(TransportError):  # the link is closed
-            topic.credits.write(pack_credit(Credit(self.id, source, consumed, self._window)))
+            topic.credits.write(pack_grant(Grant(self.id, source, consumed, self._window)))
 
 
 def _source(publisher: Endpoint) -> Source:

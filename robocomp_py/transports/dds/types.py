@@ -66,7 +66,7 @@ class Request(NamedTuple):
     stamp: int
 
 
-class Credit(NamedTuple):
+class Grant(NamedTuple):
     """A reader of a reliable topic has consumed a source's messages up to `sequence`, and accepts `window` more."""
 
     reader: int
@@ -93,18 +93,18 @@ request_fields, reply_fields, publication_fields = (
 """Read the same fields, the first of which must be `START`. Raise `struct.error` if it is short."""
 
 
-def pack_credit(credit: Credit) -> bytes:
-    return _CREDIT.pack(ENCAPSULATION, *credit)
+def pack_grant(grant: Grant) -> bytes:
+    return _CREDIT.pack(ENCAPSULATION, *grant)
 
 
 def unreadable(sample: bytes) -> DecodeError:
     return DecodeError(f"not a version {VERSION} sample in little-endian XCDR1: {len(sample)} bytes")
 
 
-def read_credit(sample: bytes) -> Credit:
+def read_grant(sample: bytes) -> Grant:
     if len(sample) != _CREDIT.size or not sample.startswith(ENCAPSULATION):
         raise DecodeError(f"not a credit: {len(sample)} bytes")
-    return Credit._make(_CREDIT.unpack(sample)[1:])
+    return Grant._make(_CREDIT.unpack(sample)[1:])
 
 
 # -- messages -----------------------------------------------------------------

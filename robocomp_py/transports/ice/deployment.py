@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ...contract.parameters import Complaint
 from .. import iceoptions
-from ..deployment import Completion, Deployment, Reached
+from ..deployment import Completion, Deployment, Incomplete, Reached
 from ..iceoptions import IceEndpoint, IceOptions
 from ..network import Network, Placement, Wiring
-
-if TYPE_CHECKING:
-    from ...contract.component import Component, Port
-    from ...runtime.settings import Settings
 
 
 class IceDeployment(Deployment):
@@ -36,21 +32,10 @@ class IceDeployment(Deployment):
     def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
         return iceoptions.examine(options)
 
-    def complete(
-        self,
-        options: Mapping[str, Any],
-        component: Component,
-        own: Port | None,
-        settings: Callable[[], Settings],
-        generated_for: str,
-        *,
-        is_overridden: bool,
-    ) -> Iterator[Complaint | Completion]:
+    def complete(self, options: Mapping[str, Any], of: Incomplete) -> Iterator[Complaint | Completion]:
         from . import ports  # only for a component that may use Ice
 
-        return ports.complete(
-            options, ports.Ports(component, own, settings(), generated_for), is_overridden=is_overridden
-        )
+        return ports.complete(options, of)
 
     def outside(self, options: Mapping[str, Any], channel: str) -> str:
         return iceoptions.read(options).proxy_of(channel) or ""

@@ -15,7 +15,7 @@ from ...contract.middleware import carrier
 from ...contract.parameters import Complaint, Key
 from ...spelling import unknown
 from ...wire import names
-from ..deployment import Completion
+from ..deployment import Completion, Incomplete
 
 if TYPE_CHECKING:
     from ...runtime.settings import Settings
@@ -24,9 +24,10 @@ ICE = "ice"
 AT: Key = ("transports", ICE)
 
 
-def complete(options: Mapping[str, Any], ports: Ports, *, is_overridden: bool) -> Iterator[Complaint | Completion]:
+def complete(options: Mapping[str, Any], of: Incomplete) -> Iterator[Complaint | Completion]:
     """Complaints about the tables of the options, and the sources of ports for which there is a proxy."""
-    yield from _unknown_keys(options, ports, is_overridden=is_overridden)
+    ports = Ports(of.component, of.own, of.settings(), of.generated_for)
+    yield from _unknown_keys(options, ports, is_overridden=of.is_overridden)
     proxies = _table(options, "proxies")
     for port in ports.using:
         key = next((name for name in (port.label, port.name) if name in proxies), None)

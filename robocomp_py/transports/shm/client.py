@@ -16,7 +16,7 @@ from ..client import CallingLink, CommandingLink, FindingLink
 from ..directory import Entry, Member
 from ..link import accepted, persist
 from .early_wakeup import EarlyWakeup
-from .mail import CONFIRM, WAKE_EARLY, Line, Post, packed
+from .queues import CONFIRM, WAKE_EARLY, ReplyQueue, Sender, packed
 from .receipts import OPENED
 from .receipts import Reader as Receiver
 from .samples import HEAD_BYTES, size_of
@@ -40,17 +40,17 @@ class Peer:
         self.unsettled = False
         """Whether a command was sent that may not have been taken yet."""
         self._transport = transport
-        self._idle: list[Line] = []
+        self._idle: list[ReplyQueue] = []
         self._stale = 0
         own = packed(transport.member.id)
         opened = Receiver(transport.receipts(member.id, OPENED), own, 0)
-        self.post = Post(transport.node, own, member.id, 0, opened)
+        self.sender = Sender(transport.node, own, member.id, 0, opened)
         transport.node.heaps.meet(self.key)  # so that its last replies can still be read after it has left
 
     def alive(self) -> bool:
         return not self.closed and self._transport.directory.alive(self.id)
 
-    def take(self, asking: str) -> Line:
+    def take(self, asking: str) -> ReplyQueue:
         """A line for the calling thread alone, and what it is asking for; the thread must `give` it back."""
         if self.closed:
             raise Unreachable(f"{asking}: its server left")
@@ -69,7 +69,7 @@ class Peer:
         try:
             number = random_id()
             header = pack_request(Flag.NONE, 0, 0, number, max(0.0, end - time.monotonic()))
-            confirm = partial(self.post.send, line.number, CONFIRM, header, b"", 0)
+            confirm = partial(self.sender.send, line.number, CONFIRM, header, b"", 0)
             if not persist(confirm, end, lambda: None, threading.Event()):
                 return
             while time.monotonic() < end and self.alive():
@@ -80,7 +80,7 @@ class Peer:
         finally:
             self.give(line)
 
-    def give(self, line: Line) -> None:
+    def give(self, line: ReplyQueue) -> None:
         self._idle.append(line)
         if self.closed or line.number <= self._stale:  # checked last: `close` and `renew` set these first
             self._close_idle()
@@ -93,7 +93,7 @@ class Peer:
     def close(self) -> None:
         self.closed = True
         self._close_idle()
-        self.post.close()
+        self.sender.close()
 
     def _close_idle(self) -> None:
         """Close idle lines one by one, since other threads may add or take some meanwhile."""
@@ -119,11 +119,11 @@ class CommandOutlet(CommandingLink["ShmTransport", Peer, int], AskingLink):
     def command(self, peer: Peer, where: int, payload: Payload, end: float, deadline: float) -> None:
         _, header = self.request(_COMMAND, deadline)
         peer.unsettled = True
-        send = partial(peer.post.send, 0, where, header, payload, size_of(payload))
+        send = partial(peer.sender.send, 0, where, header, payload, size_of(payload))
         if not persist(send, end, partial(self.still, peer), self.closed):
             self.still(peer)
             raise Timeout(
-                f"{self.channel.name}: its server did not take the command for {deadline:g} s{peer.post.hindrance}"
+                f"{self.channel.name}: its server did not take the command for {deadline:g} s{peer.sender.hindrance}"
             )
 
 
@@ -143,11 +143,11 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
 
     def post(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> bool:
         _, header = self.request(self._flags, deadline, number)
-        send = partial(peer.post.send, 0, where, header, payload, size_of(payload))
+        send = partial(peer.sender.send, 0, where, header, payload, size_of(payload))
         return persist(send, end, partial(self.still, peer), self.closed)
 
     def late_to_ask(self, peer: Peer, deadline: float) -> Timeout:
-        return Timeout(f"{super().late_to_ask(peer, deadline)}{peer.post.hindrance}")
+        return Timeout(f"{super().late_to_ask(peer, deadline)}{peer.sender.hindrance}")
 
     def ask_peer(self, peer: Peer, where: int, payload: Payload, number: int, end: float, deadline: float) -> Reply:
         line, trial, begun = peer.take(self.channel.name), self._early_wakeup, time.monotonic()
@@ -157,10 +157,10 @@ class Caller(CallingLink["ShmTransport", Peer, int], AskingLink):
             if early:
                 at |= WAKE_EARLY
                 if size < _QUICK:
-                    peer.post.announce()
+                    peer.sender.announce()
             number, header = self.request(self._flags, max(0.0, end - begun), number)
-            if not peer.post.send(at, where, header, payload, size):
-                send = partial(peer.post.send, at, where, header, payload, size)
+            if not peer.sender.send(at, where, header, payload, size):
+                send = partial(peer.sender.send, at, where, header, payload, size)
                 if not persist(send, end, partial(self.still, peer), self.closed):
                     raise self.late_to_ask(peer, deadline)
             while True:

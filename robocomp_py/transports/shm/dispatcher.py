@@ -1,4 +1,4 @@
-"""Opens letters, passes them to their links, and sends the replies."""
+"""Opens messages, passes them to their links, and sends the replies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..link import persist
 from ..server import dispatch
 from ..sparing import Sparing
 from ..turns import Turns
-from .mail import CONFIRM, WAKE_EARLY, Mailbox, Post, packed, unpacked
+from .queues import CONFIRM, WAKE_EARLY, InputQueue, Sender, packed, unpacked
 from .receipts import OPENED, Receipts
 from .samples import HEAD_BYTES, Message, size_of
 
@@ -33,57 +33,57 @@ INSISTING = 5.0
 
 
 ALONE = 16
-"""Letters in a row of the only known sender after which other senders are looked for."""
+"""Messages in a row of the only known sender after which other senders are looked for."""
 
 NOTED = 16
-"""Opened letters after which their sender is told; sooner if no more are waiting."""
+"""Opened messages after which their sender is told; sooner if no more are waiting."""
 
 MOST = 4096
-"""Maximum number of letters that are read and wait to be opened."""
+"""Maximum number of messages that are read and wait to be opened."""
 
 
 class Dispatcher:
     """`open_next` is for one thread at a time; replies may come from any."""
 
-    def __init__(self, transport: ShmTransport, mailbox: Mailbox) -> None:
-        self._transport, self._mailbox = transport, mailbox
+    def __init__(self, transport: ShmTransport, queue: InputQueue) -> None:
+        self._transport, self._queue = transport, queue
         self._own, self._incarnation = packed(transport.member.id), transport.incarnation
         self.serving: dict[int, ServingLink] = {}
-        """By the number in letters to them."""
+        """By the number in messages to them."""
         self.callers: dict[int, Caller] = {}
         """By the client in replies to them."""
         self._turns: Turns[tuple[float, Message]] = Turns()
-        """Letters that were read but not opened, and when they were read."""
+        """Messages that were read but not opened, and when they were read."""
         self._in_a_row = 0
-        """The number of letters since the mailbox was last empty."""
+        """The number of messages since the queue was last empty."""
         self._receipts: Receipts | None = None
-        """The file in which senders see how many of their letters were opened."""
+        """The file in which senders see how many of their messages were opened."""
         self._opened: dict[int, int] = {}
         """That number, by sender."""
         self._noted: set[int] = set()
         """Senders with a slot in that file."""
         self._unnoted: set[int] = set()
         """Senders whose slot is not up to date."""
-        self._posts: dict[tuple[int, int], Post] = {}
+        self._senders: dict[tuple[int, int], Sender] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._sparing = Sparing()
         self._told = False
-        """Whether a malformed letter was logged."""
+        """Whether a malformed message was logged."""
 
     def serve(self, number: int, link: ServingLink) -> None:
-        """Pass letters with that number to that link."""
-        with self._lock, contextlib.suppress(TransportError):  # tried again at the first letter
+        """Pass messages with that number to that link."""
+        with self._lock, contextlib.suppress(TransportError):  # tried again at the first message
             self._open_receipts()  # now, since the disk may be full later
         self.serving[number] = link
 
     def open_next(self) -> Job | None:
-        """The job for the next letter; None if there is none."""
+        """The job for the next message; None if there is none."""
         if self._turns:
             self._read_all()  # first, so that a new sender gets its turn before older requests of others
             read_at, message = self._turns.take()
         else:
-            found = self._mailbox.read()
+            found = self._queue.read()
             if found is None:
                 self._in_a_row = 0
                 self.note()
@@ -91,7 +91,7 @@ class Dispatcher:
             read_at, message = time.monotonic(), found
             self._in_a_row += 1
             if len(self._opened) > 1 or self._in_a_row > ALONE:
-                self._turns.add(_lane(message), (read_at, message))
+                self._turns.add(_turn(message), (read_at, message))
                 self._read_all()
                 read_at, message = self._turns.take()
         try:
@@ -105,14 +105,14 @@ class Dispatcher:
 
     def reply(self, member: int, line: int, request: Request, expires: float, reply: Reply) -> None:
         try:
-            post = self._posts.get((member, line)) or self._new_post(member, line)
-            if post is None:
+            sender = self._senders.get((member, line)) or self._new_sender(member, line)
+            if sender is None:
                 return  # the client has gone
             payload = b"" if reply.payload is None else reply.payload
             header = pack_reply(reply.status, request.client, request.sequence, self._incarnation)
             size = size_of(payload)
-            if not post.send(0, 0, header, payload, size):
-                send = partial(post.send, 0, 0, header, payload, size)
+            if not sender.send(0, 0, header, payload, size):
+                send = partial(sender.send, 0, 0, header, payload, size)
                 self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
         except TransportError as exc:
             if self._sparing.may_tell():
@@ -124,55 +124,55 @@ class Dispatcher:
         """That member has gone: close the connections to it."""
         key = packed(member_id)
         with self._lock:
-            gone = [self._posts.pop(each) for each in list(self._posts) if each[0] == key]
+            gone = [self._senders.pop(each) for each in list(self._senders) if each[0] == key]
             self._opened.pop(key, None)
             self._unnoted.discard(key)
             if self._receipts and key in self._noted:
                 self._noted.discard(key)
                 self._receipts.end(key)
-        for post in gone:
-            post.close()
+        for sender in gone:
+            sender.close()
 
     def correspondents(self) -> set[str]:
-        """The members that exchanged letters with this transport."""
+        """The members that exchanged messages with this transport."""
         with self._lock:
-            return {unpacked(member) for member in {member for member, _ in self._posts} | self._opened.keys()}
+            return {unpacked(member) for member in {member for member, _ in self._senders} | self._opened.keys()}
 
     def close(self) -> None:
         self._closed.set()
         with self._lock:
-            posts = list(self._posts.values())
-            self._posts.clear()
+            senders = list(self._senders.values())
+            self._senders.clear()
             if self._receipts:
                 self._receipts.close()
-        for post in posts:
-            post.close()
+        for sender in senders:
+            sender.close()
 
     def _read_all(self) -> None:
-        """Read the waiting letters of all senders, each of which has at most `AHEAD`."""
+        """Read the waiting messages of all senders, each of which has at most `AHEAD`."""
         read_at = time.monotonic()
         while len(self._turns) < MOST:
-            message = self._mailbox.read()
+            message = self._queue.read()
             if message is None:
                 return
-            self._turns.add(_lane(message), (read_at, message))
+            self._turns.add(_turn(message), (read_at, message))
 
     def _count(self, member: int) -> None:
-        """Count an opened letter of that sender."""
+        """Count an opened message of that sender."""
         self._opened[member] = opened = self._opened.get(member, 0) + 1
         self._unnoted.add(member)
         if opened % NOTED == 0:
             self.note()
 
     def note(self) -> None:
-        """Show senders how many of their letters were opened. If that fails, it has to be called again."""
+        """Show senders how many of their messages were opened. If that fails, it has to be called again."""
         unnoted = self._unnoted
         while unnoted:
             member = next(iter(unnoted))
             if member not in self._noted:
                 try:
                     self._begin_to_note(member)
-                except TransportError as exc:  # no descriptor, for example; the letter is handled all the same
+                except TransportError as exc:  # no descriptor, for example; the message is handled all the same
                     if self._sparing.may_tell():
                         log.warning("a sender is not told which requests were taken; trying again: %s", exc)
                     return
@@ -200,9 +200,9 @@ class Dispatcher:
         line = message.line
         if line & WAKE_EARLY:
             line ^= WAKE_EARLY
-            post = self._posts.get((message.member, line))
-            if post:
-                post.announce()
+            sender = self._senders.get((message.member, line))
+            if sender:
+                sender.announce()
         expires = read_at + request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
         answer = partial(self.reply, message.member, line, request, expires)
         return dispatch(link, request, message.payload, read_at, answer)
@@ -212,19 +212,19 @@ class Dispatcher:
         caller = self.callers.get(header.client)
         return partial(caller.answered, message.member, header, message.payload) if caller else None
 
-    def _new_post(self, member: int, line: int) -> Post | None:
+    def _new_sender(self, member: int, line: int) -> Sender | None:
         """A connection to that line; None if its member has gone."""
         with self._lock:
             if self._closed.is_set():
                 return None
-            if (member, line) not in self._posts:
+            if (member, line) not in self._senders:
                 try:
-                    self._posts[member, line] = Post(self._transport.node, self._own, unpacked(member), line)
+                    self._senders[member, line] = Sender(self._transport.node, self._own, unpacked(member), line)
                 except TransportError:
                     if self._transport.directory.alive(unpacked(member)):
                         raise
                     return None
-            return self._posts[member, line]
+            return self._senders[member, line]
 
     def _insist(self, send: partial[bool], member: int, end: float) -> None:
         """Send a reply to a client that has no room for it now."""
@@ -245,11 +245,11 @@ class Dispatcher:
             link.malformed(why)
         elif not self._told:
             self._told = True
-            log.warning("dropped a malformed letter (further ones are dropped silently): %s", why)
+            log.warning("dropped a malformed message (further ones are dropped silently): %s", why)
 
 
-def _lane(message: Message) -> int:
-    """The key of a letter in `Turns`: replies take turns apart from the requests of their sender."""
+def _turn(message: Message) -> int:
+    """The key of a message in `Turns`: replies take turns apart from the requests of their sender."""
     return message.member if message.to else -message.member
 
 

@@ -1,6 +1,6 @@
 """Finds out by trial whether to wake a peer before its message is written.
 
-To be woken on another core takes some 25 µs on a virtual machine, about as long as Python takes to write a letter;
+To be woken on another core takes some 25 µs on a virtual machine, about as long as Python takes to write a message;
 and both may happen at once. On the same core it means to be woken twice. Which of the two it is, the kernel decides
 anew from time to time, and how long a handler takes is not known before. So now and then some calls are made in each
 way, and the others in the way that was quicker.

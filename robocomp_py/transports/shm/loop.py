@@ -1,4 +1,4 @@
-"""One thread waits at one wake-up pipe for all input: messages of topics, letters, and timers."""
+"""One thread waits at one wake-up pipe for all input: messages of topics, those in the queue, and timers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Protocol
 
 from ...errors import TransportError
 from ..leader_followers import Job
-from .wakeup import LOOK, MAIL, NEWS, WAKEUPS, Waker, Wakeup
+from .wakeup import LOOK, NEWS, QUEUED, WAKEUPS, Waker, Wakeup
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -22,7 +22,7 @@ MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
 TURNS = 16
-"""Letters in a row after which topics have their turn."""
+"""Messages in a row after which topics have their turn."""
 
 
 class Attending(Protocol):
@@ -36,14 +36,14 @@ class Loop:
     """`receive` is for one thread at a time."""
 
     def __init__(
-        self, wakeup: Wakeup, own: Waker, tick: Callable[[], float], open_mail: Callable[[], Job | None]
+        self, wakeup: Wakeup, own: Waker, tick: Callable[[], float], take_queued: Callable[[], Job | None]
     ) -> None:
-        self._wakeup, self._own, self._tick, self._open_mail = wakeup, own, tick, open_mail
+        self._wakeup, self._own, self._tick, self._take_queued = wakeup, own, tick, take_queued
         self._attending: dict[int, list[Attending]] = {number: [] for number in range(WAKEUPS)}
         self._ready: deque[Attending] = deque()
         self._jobs: deque[Job] = deque()
-        self._mail = True
-        """Whether there may be letters."""
+        self._queued = True
+        """Whether there may be messages."""
         self._taken = 0
         self._next_tick = 0.0
         self._sleeping = False
@@ -65,13 +65,13 @@ class Loop:
         if link not in self._ready:
             self._ready.append(link)
         if self._sleeping:
-            self._own.wake(MAIL)
+            self._own.wake(QUEUED)
 
     def do(self, job: Job) -> None:
         """Return this job from the next `receive`."""
         self._jobs.append(job)
         if self._sleeping:
-            self._own.wake(MAIL)
+            self._own.wake(QUEUED)
 
     def wake(self) -> None:
         """Tick now: something became due earlier."""
@@ -86,23 +86,23 @@ class Loop:
         now = time.monotonic()
         if now >= self._next_tick:
             self._next_tick = now + self._tick()
-        if self._mail and (job := self._letter()):
+        if self._queued and (job := self._next_queued()):
             return (job,)
         self._sleeping = True  # before looking at what is ready: a thread that adds to it later sees this, and wakes us
-        busy = self._mail or self._ready or self._jobs
+        busy = self._queued or self._ready or self._jobs
         numbers = self._wakeup.wait(0.0 if busy else max(0.0, self._next_tick - now))
         self._sleeping = False
         if (
             type(numbers) is bytes
             and numbers
-            and numbers[0] != MAIL
+            and numbers[0] != QUEUED
             and not busy
             and (jobs := self._one(numbers[0])) is not None
         ):
             return jobs
         for number in numbers:
-            if number == MAIL:
-                self._mail = True
+            if number == QUEUED:
+                self._queued = True
             elif number == LOOK:
                 self._next_tick = 0.0
             elif number == NEWS:
@@ -110,7 +110,7 @@ class Loop:
             else:
                 links = tuple(self._attending[number])  # a copy, since links may be removed at any time
                 self._ready.extend(link for link in links if link not in self._ready)
-        if self._mail and not self._ready and not self._jobs and (job := self._letter()):
+        if self._queued and not self._ready and not self._jobs and (job := self._next_queued()):
             return (job,)
         for _ in range(len(self._ready)):
             link = self._ready.popleft()
@@ -123,8 +123,8 @@ class Loop:
     def _one(self, number: int) -> Sequence[Job] | None:
         """Take the one message that the wake-up announced. None if the wake-up was for something else.
 
-        A look for more takes time, which can be spent `afterwards`. Letters are different: a client with a reply often
-        calls again before this thread would sleep.
+        A look for more takes time, which can be spent `afterwards`. Messages in the queue are different: a client with
+        a reply often calls again before this thread would sleep.
         """
         links = tuple(self._attending[number])  # a copy, since links may be removed at any time
         if len(links) != 1:
@@ -135,12 +135,12 @@ class Loop:
             log.exception("taking input")
             return ()
 
-    def _letter(self) -> Job | None:
-        """The job for the next letter, unless it is the turn of the topics."""
+    def _next_queued(self) -> Job | None:
+        """The job for the next message, unless it is the turn of the topics."""
         if self._taken == TURNS:
             self._taken = 0
             return None
-        job = self._open_mail()
-        self._mail = job is not None
+        job = self._take_queued()
+        self._queued = job is not None
         self._taken = self._taken + 1 if job else 0
         return job

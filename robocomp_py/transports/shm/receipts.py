@@ -25,7 +25,7 @@ SLOTS = 1024
 """Maximum number of publishers of a reliable subscriber."""
 
 OPENED = 0
-"""The number of the file with the count of opened letters by sender; no link has this number."""
+"""The number of the file with the count of opened messages by sender; no link has this number."""
 
 _SLOT = struct.Struct("<QQQ")
 _NUMBER = struct.Struct("<Q")
@@ -117,7 +117,7 @@ class Reader:
         return False
 
 
-class Credit:
+class Backlog:
     """How far a publisher may go ahead of its slowest reader."""
 
     def __init__(self) -> None:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
-from ..base import Channel, Sink, SupportsHeard, SupportsLoan, depth_of
+from ..base import Channel, Sink, SupportsLoan, SupportsSubscribers, depth_of
 from ..directory import Member
 from ..directory_transport import DirectoryLink
 from ..leader_followers import Job
 from ..limits import BATCH
 from ..topics import SubscribingLink
-from .mail import packed
 from .node import READERS
-from .receipts import Credit, Receipts
+from .queues import packed
+from .receipts import Backlog, Receipts
 from .receipts import Reader as Receiver
 from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
 from .wakeup import LOOK, Waker, wakeup_of
@@ -54,7 +54,7 @@ PAUSE = 0.001
 """Seconds between two attempts to get memory when all of it is in use."""
 
 
-class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
+class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan):
     role, facing = "publishes", "subscribes"
     _number = 0
     _writer: Writer | None = None
@@ -65,7 +65,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self._lossless = qos.reliable
         self._history = qos.depth if qos.latched else 0
         self._ahead = min(max(depth_of(qos), LEAST_AHEAD), MOST_AHEAD)
-        self._credit = Credit()
+        self._backlog = Backlog()
         self._source, self._sent = random_id(), 0
         self._order, self._looking = threading.Lock(), threading.Lock()
         self._readers: dict[tuple[str, str], _Known] = {}
@@ -145,7 +145,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
                     receiver = Receiver(path, self._source, self._sent) if path else None
                     self._readers[key] = _Known(waker, wakeup_of(int(text)), receiver)
             known = list(self._readers.values())
-            self._credit.meet([each.receiver for each in known if each.receiver])
+            self._backlog.meet([each.receiver for each in known if each.receiver])
             self._wakers = [(each.waker, each.wakeup) for each in known]
             if self._writer:
                 self._writer.greet()  # new readers get the history now
@@ -178,7 +178,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
         """A subscriber has woken us: it begins to read, or it has read as much as we waited for."""
-        self._credit.called()
+        self._backlog.called()
         self._meet_new_readers()
         return ()
 
@@ -196,19 +196,19 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         return False
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         self._meet_new_readers()
         return bool(self._wakers) or self._history > 0
 
     def close(self) -> None:
         if self._writer and not self.closed.is_set():  # while our readers still hear us
-            self._credit.settle(self._sent, self.transport.settling())
+            self._backlog.settle(self._sent, self.transport.settling())
         super().close()
 
     def release(self) -> None:
         self.transport.forget(self._number, self)
         if self._writer:
-            self._credit.called()
+            self._backlog.called()
             with self._looking:
                 self._writer.close()
                 self._dynamic = None
@@ -229,7 +229,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsHeard, SupportsLoan):
         self._meet_new_readers()
         if self._lossless:
             ahead = self._ahead if size < _SMALL else max(FEW_AHEAD, min(self._ahead, BYTES_AHEAD // size))
-            if self._sent >= self._credit.slowest + ahead and not self._credit.wait(
+            if self._sent >= self._backlog.slowest + ahead and not self._backlog.wait(
                 self._sent, ahead, end, self._still
             ):
                 raise Timeout(f"{self.channel.name}: a subscriber did not keep up for {deadline:g} s")

@@ -1,4 +1,4 @@
-"""The transport: its links, letters and threads."""
+"""The transport: its links, queues and threads."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .client import Caller, CommandOutlet, Peer
 from .codec import ApartCdr
 from .dispatcher import Dispatcher
 from .loop import TICK, Attending, Loop
-from .mail import LINGER, Line, Mailbox, packed
 from .node import Node
+from .queues import LINGER, InputQueue, ReplyQueue, packed
 from .room import FILES, spare_files
 from .samples import let_go
 from .topics import Publisher, Subscriber
-from .wakeup import MAIL, Waker, Wakeup, wakeup_of, wakeup_path
+from .wakeup import QUEUED, Waker, Wakeup, wakeup_of, wakeup_path
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -73,9 +73,9 @@ class ShmTransport(DirectoryTransport):
             undo.callback(self._wakeup.close)
             self._own = Waker(path)
             undo.callback(self._own.close)
-            self._mailbox = Mailbox(self.node, self.member.id)
-            undo.callback(self._mailbox.close)
-            self.dispatcher = Dispatcher(self, self._mailbox)
+            self._queue = InputQueue(self.node, self.member.id)
+            undo.callback(self._queue.close)
+            self.dispatcher = Dispatcher(self, self._queue)
             self._loop = Loop(self._wakeup, self._own, self._tick, self.dispatcher.open_next)
             self.afterwards = self._loop.afterwards
             self.directory.watch(self._watch, self._loop.wake)
@@ -113,7 +113,7 @@ class ShmTransport(DirectoryTransport):
             held: list[Peer | Waker] = [*self._peers.values(), *self._wakers.values()]
             self._peers.clear()
             self._wakers.clear()
-        for each in (*held, self._mailbox, self._own, self._wakeup, self._watch):
+        for each in (*held, self._queue, self._own, self._wakeup, self._watch):
             each.close()
 
     # What links use.
@@ -170,11 +170,11 @@ class ShmTransport(DirectoryTransport):
                 raise
             return None
 
-    def new_line(self) -> Line:
+    def new_line(self) -> ReplyQueue:
         with self._lock:
             self._lines += 1
             number = self._lines
-        return Line(self.node, self.member.id, number)
+        return ReplyQueue(self.node, self.member.id, number)
 
     def drop(self, peer: Reached) -> None:
         super().drop(peer)
@@ -247,7 +247,7 @@ class ShmTransport(DirectoryTransport):
 
     def _reconnect(self) -> None:
         """Connect to peers that came while there were no descriptors, which the library does not do itself."""
-        self._mailbox.reconnect()
+        self._queue.reconnect()
         with self._lock:
             peers, lines, links = list(self._peers.values()), self._lines, list(self._links)
         for peer in peers:
@@ -255,7 +255,7 @@ class ShmTransport(DirectoryTransport):
         for link in links:
             if isinstance(link, Subscriber):
                 link.reconnect()
-        self._own.wake(MAIL)
+        self._own.wake(QUEUED)
 
     def _forget_the_gone(self) -> None:
         with self._lock:

@@ -21,7 +21,7 @@ from .room import what_is_short
 WAKEUPS = 64
 """Different numbers that one pipe can receive."""
 
-MAIL = 0
+QUEUED = 0
 """The queue of this pipe has messages."""
 
 LOOK = WAKEUPS - 1

@@ -26,8 +26,8 @@ from ..base import (
     Channel,
     Sink,
     Source,
-    SupportsHeard,
     SupportsSources,
+    SupportsSubscribers,
     depth_of,
 )
 from ..credit import Credit
@@ -61,7 +61,7 @@ _REFUSED = zenoh.ZError, RuntimeError
 """The exceptions of a Zenoh publisher that is undeclared, or is being undeclared."""
 
 
-class Publisher(Link, SupportsHeard):
+class Publisher(Link, SupportsSubscribers):
     role, facing = "publishes", "subscribes"
 
     def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
@@ -132,7 +132,7 @@ class Publisher(Link, SupportsHeard):
         return not self.counterparts() or self._matches()
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         return bool(self._history.maxlen) or self._matches()
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:

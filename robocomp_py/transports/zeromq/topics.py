@@ -26,7 +26,7 @@ from ...wire.header import (
 from ..base import (
     Channel,
     Sink,
-    SupportsHeard,
+    SupportsSubscribers,
     depth_of,
 )
 from ..directory import Entry, Member
@@ -61,7 +61,7 @@ _TOGETHER, _BREATH = 16, 0.002
 other input is hardly delayed."""
 
 
-class Publisher(Link, SupportsHeard):
+class Publisher(Link, SupportsSubscribers):
     role, facing, marks = "publishes", "subscribes", WELCOMES
     _socket: Socket | None = None
     _far: Socket | None = None
@@ -150,7 +150,7 @@ class Publisher(Link, SupportsHeard):
             return self.look() and self._expected <= self._welcomed
 
     @property
-    def heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         if not self._subscribed:
             self._count()
         return bool(self._subscribed or self._history.maxlen)

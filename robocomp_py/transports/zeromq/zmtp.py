@@ -85,7 +85,7 @@ class _Connection:
         self._body: memoryview | None = None
         self._flags = self._filled = 0
         """A large frame of which some is missing."""
-        self._hurry = 0
+        self._rest_flags = 0
         """The flags for its rest: the kernel waits for it, but only once."""
 
     @property
@@ -169,19 +169,19 @@ class _Connection:
     def _fill(self, body: memoryview) -> None:
         while self._filled < len(body):
             try:
-                more = self._socket.recv_into(body[self._filled :], 0, _WAITALL | self._hurry)
+                more = self._socket.recv_into(body[self._filled :], 0, _WAITALL | self._rest_flags)
             except BlockingIOError:
-                self._hurry = self._how
+                self._rest_flags = self._how
                 raise
             except OSError as exc:
                 raise Gone(str(exc)) from exc
             if not more:
                 raise Gone("it was closed in the middle of a message")
             self._filled += more
-            if self._filled < len(body) and (self._waits or not self._hurry):
-                self._hurry = self._how
+            if self._filled < len(body) and (self._waits or not self._rest_flags):
+                self._rest_flags = self._how
                 raise BlockingIOError
-        self._hurry = 0
+        self._rest_flags = 0
 
     def _greet(self) -> None:
         """Read the other side's greeting and READY. What is not all there yet is read again."""

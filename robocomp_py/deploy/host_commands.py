@@ -23,7 +23,7 @@ agent of another host carries out one command at a time, and a command that was 
 """
 
 
-class Lane:
+class HostCommands:
     """The commands for one agent; `run` carries out the starts."""
 
     def __init__(self, agent: Agent, listener: Listener) -> None:

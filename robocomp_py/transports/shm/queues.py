@@ -1,4 +1,4 @@
-"""Letters: requests, commands and replies, in queues that one transport reads and others write to.
+"""Requests, commands and replies, in queues that one transport reads and others write to.
 
 Every transport has a queue under its name. A thread that waits for a reply has a line: a queue with a wake-up pipe,
 which only that thread reads.
@@ -14,22 +14,22 @@ from .node import PORTS, Node
 from .receipts import Reader as Receiver
 from .room import Full
 from .samples import Reader, Writer
-from .wakeup import MAIL, NUDGE, Waker, Wakeup, wakeup_path
+from .wakeup import NUDGE, QUEUED, Waker, Wakeup, wakeup_path
 
 WAITING = 128
-"""Maximum number of letters of one sender in the queue of a transport."""
+"""Maximum number of messages of one sender in the queue of a transport."""
 
 ANSWERS = 4
 """Maximum number of replies in a line: the awaited one, and some late ones."""
 
 KEPT = 16
-"""Maximum number of letters of a queue or line that may be kept without a copy."""
+"""Maximum number of messages of a queue or line that may be kept without a copy."""
 
 _LOANS = 16
-"""Maximum number of letters to one queue that are written at the same time."""
+"""Maximum number of messages to one queue that are written at the same time."""
 
 CONFIRM = 0xFFFFFFFF
-"""The address of a letter that only asks for a reply, which confirms that all earlier letters were taken."""
+"""The address of a message that only asks for a reply, which confirms that all earlier messages were taken."""
 
 WAKE_EARLY = 1 << 31
 """Added to the number of a line: wake the client already when the reply is about to be written."""
@@ -38,11 +38,11 @@ LINGER = 1.5
 """Seconds for which closing waits until the last messages are taken."""
 
 AHEAD = WAITING
-"""Maximum number of unopened letters of one sender at a transport. The transport reads the letters of all senders
+"""Maximum number of unopened messages of one sender at a transport. The transport reads the messages of all senders
 before it opens the next one, so that no sender waits behind the others; this bounds what it has read."""
 
 FEW_AHEAD, BYTES_AHEAD = 4, 8 * 1024 * 1024
-"""The same for large letters: a minimum number of them, and a maximum of bytes beyond it."""
+"""The same for large messages: a minimum number of them, and a maximum of bytes beyond it."""
 
 _SMALL = BYTES_AHEAD // AHEAD
 
@@ -65,7 +65,7 @@ def queue_of(member_id: str, line: int) -> str:
     return f"{member_id}/{line}" if line else member_id
 
 
-class Mailbox:
+class InputQueue:
     """The queue of this transport, which all peers write to. Its wake-up pipe is that of the transport."""
 
     def __init__(self, node: Node, member_id: str) -> None:
@@ -83,7 +83,7 @@ class Mailbox:
         self._node.queue(self._name, 1)
 
 
-class Line:
+class ReplyQueue:
     """A queue for the answers to one thread."""
 
     def __init__(self, node: Node, member_id: str, number: int) -> None:
@@ -98,18 +98,18 @@ class Line:
         self._wakeup.close()
 
 
-class Post:
-    """Sends letters to one queue, from any thread."""
+class Sender:
+    """Sends messages to one queue, from any thread."""
 
     def __init__(self, node: Node, own: int, member_id: str, line: int, opened: Receiver | None = None) -> None:
-        """`opened` tells how many letters the reader has opened, if the number of unopened ones is limited."""
+        """`opened` tells how many messages the reader has opened, if the number of unopened ones is limited."""
         self._own = own
         self._closed = False
         self._receiver = opened
         self._opened_before = opened.taken() if opened else 0
         self._numbers = itertools.count(1)
         self._sent = self._opened = 0
-        """The number of letters sent, and of those opened at the last look."""
+        """The number of messages sent, and of those opened at the last look."""
         self.hindrance = ""
         """Why sending failed for lack of memory; "" if it never did."""
         self._waker = Waker(wakeup_path(node.folder, member_id, line))
@@ -124,7 +124,7 @@ class Post:
                 return False
         except Full as exc:
             self.hindrance = f": {exc}"
-            if self._writer.waits:  # memory becomes free when readers take earlier letters
+            if self._writer.waits:  # memory becomes free when readers take earlier messages
                 return False
             raise
         except TransportError:
@@ -132,7 +132,7 @@ class Post:
                 return False
             raise
         self._sent = next(self._numbers)
-        self._waker.wake(MAIL)
+        self._waker.wake(QUEUED)
         return True
 
     def _is_too_far_ahead(self, size: int) -> bool:
@@ -144,7 +144,7 @@ class Post:
         return self._sent - self._opened >= ahead
 
     def announce(self) -> None:
-        """Wake the reader early: a letter is about to be sent."""
+        """Wake the reader early: a message is about to be sent."""
         self._waker.wake(NUDGE)
 
     def close(self) -> None:
