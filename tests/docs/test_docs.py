@@ -34,7 +34,7 @@ from .pages import ROOT, Command, File, blocks, steps
 
 DOCS = ROOT / "docs"
 LANGUAGES = ("idsl", "cdsl", "pdsl", "ddsl", "smdsl")
-AWAITED = re.compile(r"--for |rcdeploy logs ")
+AWAITED = re.compile(r"^(?!rcdeploy simulate).*--for |rcdeploy logs ")
 """What shows what others have printed until then: on a slow machine, nothing yet."""
 
 
@@ -122,6 +122,13 @@ def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
 def test_the_guide_to_testing_works_as_written(tmp_path: Path) -> None:
     done = list(steps(DOCS / "guides" / "testing.md"))
     assert len(done) > 10
+    for step in done:
+        do(step, tmp_path)
+
+
+def test_the_guide_to_virtual_time_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "guides" / "simulating.md"))
+    assert len(done) > 9
     for step in done:
         do(step, tmp_path)
 

@@ -152,7 +152,8 @@ def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
         result = {"seconds": sim.time, "took": took, "messages": sim.record.messages, "hash": sim.hash}
         print(json.dumps(result | {"failed": sim.failed}))
         return
-    print(f"{name}: {sim.time:.10g} s in {took:.2g} s, {factor:.3g} times as fast as real time")
+    shown = f"{factor:,.0f}" if factor >= 10 else f"{factor:.2g}"
+    print(f"{name}: {sim.time:.10g} s in {took:.2g} s, {shown} times as fast as real time")
     print(f"{sim.record.messages} messages, hash {sim.hash}")
 
 
