@@ -112,15 +112,21 @@ def _opened(stack: ExitStack, path: Path | None) -> TextIO | None:
 
 def _run(sim: Simulation, options: argparse.Namespace) -> int:
     """Run to the end; returns the exit code."""
+    from ...runtime.clock import ns
+
     limit, until = options.duration, options.until
     began, threads = time.monotonic(), set[str]()
     try:
         with Progress("rcdeploy") as progress:
-            while (limit is None or sim.time < limit) and not (sim.over or sim.failed or _has_ended(sim, until)):
+            while True:
                 left = _SLICE if limit is None else min(_SLICE, limit - sim.time)
                 sim.run(until=lambda: _has_ended(sim, until), at_most=left)
-                progress.show(f"{sim.time:.0f} s{f' of {limit:g} s' if limit else ''}")
                 _warn_of_threads(sim, threads)
+                if sim.over or sim.failed or _has_ended(sim, until):
+                    break
+                if limit is not None and ns(limit - sim.time) <= 0:
+                    break
+                progress.show(f"{sim.time:.0f} s{f' of {limit:g} s' if limit else ''}")
                 ahead = sim.time / options.speed - (time.monotonic() - began)
                 if ahead > 0:
                     time.sleep(ahead)
