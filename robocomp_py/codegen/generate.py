@@ -20,7 +20,7 @@ from ..contract.interface import Interface
 from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
-from . import configuration, expressions, layout, machine, names
+from . import configuration, expressions, layout, machine, names, timers
 from .imports import bound_names, complete
 from .layout import on_one_line
 from .linting import excused_file
@@ -168,7 +168,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Python and TOML, not HTML
     )
-    for filters in (names, layout, expressions, configuration, machine):
+    for filters in (names, layout, expressions, configuration, machine, timers):
         environment.filters |= {
             name: each
             for name, each in vars(filters).items()

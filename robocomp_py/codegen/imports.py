@@ -31,7 +31,18 @@ TYPES = (
 API = (
     *TYPES,
     *("Component", "Durability", "History", "Liveliness", "Parameter", "ParameterKind", "ParameterList"),
-    *("Parameters", "ParameterSet", "Port", "QoS", "Reliability", "State", "StateMachine", "Transition", "Trigger"),
+    *(
+        "Parameters",
+        "ParameterSet",
+        "PeriodicTimer",
+        "Port",
+        "QoS",
+        "Reliability",
+        "State",
+        "StateMachine",
+        "Transition",
+        "Trigger",
+    ),
     *("Machine", "Verb", "Worker"),
 )
 BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")

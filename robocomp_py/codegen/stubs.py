@@ -18,6 +18,7 @@ from .generate import GenerationError, Model
 from .imports import bound_names, import_from, import_statements, used_names
 from .machine import state_method, state_signature
 from .names import module_name
+from .timers import timer_method, timer_signature
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ def find_stubs(folder: Path, model: Model, read: Read) -> Stubs:
     if machine := model.component.machine:
         for state in machine.every_state():
             wanted[state.method] = (state_method(state, machine), state_signature(state), ())
+    for timer in model.component.timers:
+        wanted[timer.method] = (timer_method(timer), timer_signature(timer), ())
     missing = {name: text for name, (text, _, _) in wanted.items() if not worker.is_open and not worker.find(name)}
     unfit = {name: begins for name, (_, begins, inputs) in wanted.items() if not _fits(worker, name, len(inputs))}
     used = used_names(textwrap.dedent("\n".join(missing.values()))) - set(bound_names(source.text))

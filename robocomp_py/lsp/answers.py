@@ -34,6 +34,7 @@ _SYMBOLS = {
     Kind.OPERATION: lsp.SymbolKind.Method,
     Kind.ARGUMENT: lsp.SymbolKind.Variable,
     Kind.COMPONENT: lsp.SymbolKind.Class,
+    Kind.TIMER: lsp.SymbolKind.Event,
     Kind.PARAMETERS: lsp.SymbolKind.Class,
     Kind.LIST: lsp.SymbolKind.Array,
     Kind.PARAMETER: lsp.SymbolKind.Property,

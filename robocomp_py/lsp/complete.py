@@ -251,7 +251,7 @@ def _in_cdsl(place: _Place) -> Iterator[Candidate]:
         yield Candidate("python", "word")
     elif words[:1] == ["options"] and last in ("options", ","):
         yield from (Candidate(option, "word") for option in OPTIONS)
-    elif words[:1] == ["period"] and len(words) > 1:
+    elif (words[:1] == ["period"] and len(words) > 1) or (words[:1] == ["timer"] and len(words) > 2):
         yield from (Candidate(unit, "word") for unit in SECONDS)
 
 

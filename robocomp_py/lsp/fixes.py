@@ -152,7 +152,7 @@ _PHRASES: dict[str, Callable[[Diagnostic, re.Match[str], Index], Carried]] = {
     r"^write `([^`]+)` instead$": _write_instead,
     r"^write `((?:import|gui|options) [^`]+;)`$": _write_instead,
     r"^write a plain one$": _write_plain,
-    r"^write `period ([^`]+);`": _write_instead,
+    r"^write `(?:period|timer \w+) ([^`]+);`": _write_instead,
     r"^write `language python;`$": _say_python,
     r"^make it a \[query\]$": _make_query,
     r"^write in its block: (.*;)$": _wire,

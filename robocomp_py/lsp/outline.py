@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ..dsl.cdsl.model import Component
+from ..dsl.cdsl.model import Component, Timer
 from ..dsl.ddsl.model import Deployment, Instance, System
 from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
@@ -39,6 +39,7 @@ class Kind(StrEnum):
     OPERATION = "operation"
     ARGUMENT = "argument"
     COMPONENT = "component"
+    TIMER = "timer"
     PARAMETERS = "parameters"
     LIST = "list"
     PARAMETER = "parameter"
@@ -264,12 +265,18 @@ def _of_component(model: Component) -> Outline:
     ports = ", ".join(f"{item.verb} {item.interface}" for item in model.items)
     links = [Link(each, ".idsl") for each in model.imports]
     links += [Link(clause.names[0]) for kind in ("params", "statemachine") for clause in model.all(kind)]
+    timers = tuple(_timer(each, model.name.text) for each in model.timers)
     return Outline(
         model.source,
-        (Symbol(Kind.COMPONENT, model.name, "", model.span, model.doc, ports),),
+        (Symbol(Kind.COMPONENT, model.name, "", model.span, model.doc, ports, timers),),
         tuple(Use(item.interface, (Kind.INTERFACE,)) for item in model.items),
         tuple(links),
     )
+
+
+def _timer(timer: Timer, within: str) -> Symbol:
+    doc = f"Calls `{timer.method}` on the clock of the component. In code: `self.timers.{timer.name}.period`, in s."
+    return Symbol(Kind.TIMER, timer.name, within, timer.name.span.to(timer.period.span), doc, timer.period.span.text)
 
 
 # PDSL.

@@ -47,6 +47,7 @@ _OF_KINDS = {
     Kind.OPERATION: "method",
     Kind.ARGUMENT: "parameter",
     Kind.COMPONENT: "class",
+    Kind.TIMER: "method",
     Kind.PARAMETERS: "class",
     Kind.LIST: "property",
     Kind.PARAMETER: "property",

@@ -10,6 +10,7 @@ from typing import ClassVar, TypeAlias
 
 from robocomp_py.runtime.api import (
     BOOL,
+    FLOAT64,
     INT32,
     INT64,
     STRING,
@@ -106,6 +107,32 @@ PortStatusList: TypeAlias = list[PortStatus]
 
 
 @dataclass(slots=True)
+class TimerStatus:
+    """TimerStatus of module RoboCompCommonBehavior."""
+
+    name: str = ""  # as the CDSL has it
+    period: float = 0.0  # in s
+    calls: int = 0  # how often its method was called
+    overruns: int = 0  # periods that were left out, since a call took longer than one
+
+    __contract__: ClassVar[Struct]
+
+
+TimerStatus.__contract__ = Struct(
+    "RoboCompCommonBehavior::TimerStatus",
+    (
+        Field("name", STRING),
+        Field("period", FLOAT64),
+        Field("calls", INT64),
+        Field("overruns", INT64),
+    ),
+    TimerStatus,
+)
+
+TimerStatusList: TypeAlias = list[TimerStatus]
+
+
+@dataclass(slots=True)
 class Status:
     """How a component is."""
 
@@ -120,6 +147,7 @@ class Status:
     missed: int = 0  # deadlines missed at all ports
     lost: int = 0  # publishers lost at all ports
     ports: PortStatusList = field(default_factory=list)
+    timers: TimerStatusList = field(default_factory=list)
 
     __contract__: ClassVar[Struct]
 
@@ -136,6 +164,7 @@ Status.__contract__ = Struct(
         Field("missed", INT64),
         Field("lost", INT64),
         Field("ports", Sequence(PortStatus.__contract__)),
+        Field("timers", Sequence(TimerStatus.__contract__)),
     ),
     Status,
 )

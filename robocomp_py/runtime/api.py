@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-from ..contract.component import Component, Port
+from ..contract.component import Component, PeriodicTimer, Port
 from ..contract.interface import Interface, Operation, Pattern, Verb
 from ..contract.parameters import Parameter, ParameterKind, ParameterList, Parameters, ParameterSet
 from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
@@ -69,6 +69,7 @@ __all__ = [
     "ParameterSet",
     "Parameters",
     "Pattern",
+    "PeriodicTimer",
     "Port",
     "Proxy",
     "QoS",

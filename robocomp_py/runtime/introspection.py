@@ -5,7 +5,7 @@ It is collected on request; until then a component only counts.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from .. import __version__
@@ -16,7 +16,8 @@ from ..transports.base import Link, SupportsSources
 from ..wire import names
 from .lifecycle import State
 from .ports import Route
-from .RoboCompCommonBehavior import PortStatus, Status
+from .RoboCompCommonBehavior import PortStatus, Status, TimerStatus
+from .timers import Timer
 from .watching import Watched
 
 
@@ -50,10 +51,14 @@ def status(
     counts: Counts,
     bound: Sequence[Bound],
     watched: Sequence[Watched],
+    timers: Iterable[Timer] = (),
 ) -> Status:
     missed, lost = _totals(watched)
     ports = [_port(each, [one for one in watched if one.port is each.port]) for each in bound]
-    return Status(instance, component, __version__, str(state), counts.computes, counts.overruns, missed, lost, ports)
+    told = [TimerStatus(each.name, each.period, each.calls, each.overruns) for each in timers]
+    return Status(
+        instance, component, __version__, str(state), counts.computes, counts.overruns, missed, lost, ports, told
+    )
 
 
 def _port(bound: Bound, watched: Sequence[Watched]) -> PortStatus:

@@ -198,7 +198,12 @@ class Running:
     @property
     def life(self) -> str:
         """Its status, as one line for its launcher."""
-        return life(self.settings.instance, self.state, self._counts, self._watching.all)
+        counts = Counts(self.computes, self.overruns + sum(each.overruns for each in self._timers))
+        return life(self.settings.instance, self.state, counts, self._watching.all)
+
+    @property
+    def _timers(self) -> Sequence[Timer]:
+        return self._agenda.timers if self._agenda else ()
 
     @property
     def _counts(self) -> Counts:
@@ -206,7 +211,7 @@ class Running:
 
     def _status(self) -> Status:
         name, component, bound = self.settings.instance, self.component.name, self._connections.bound
-        return status(name, component, self.state, self._counts, bound, self._watching.all)
+        return status(name, component, self.state, self._counts, bound, self._watching.all, self._timers)
 
     @property
     def is_running_here(self) -> bool:

@@ -131,7 +131,8 @@ class Agenda:
     def __init__(self, name: str, clock: Clock) -> None:
         self._name, self._clock = name, clock
         self._lock = threading.Lock()
-        self._timers: list[Timer] = []
+        self.timers: list[Timer] = []
+        """The declared ones."""
         self._once: list[tuple[int, int, TimerHandle]] = []
         self._numbers = itertools.count()
         self._wake = threading.Event()
@@ -140,7 +141,7 @@ class Agenda:
 
     def add(self, name: str, period: float, method: Callable[[], object]) -> Timer:
         timer = Timer(name, Beat(period, self._clock.now()), self._wake.set, method)
-        self._timers.append(timer)
+        self.timers.append(timer)
         return timer
 
     def after(self, seconds: float, function: Callable[[], object]) -> TimerHandle:
@@ -164,7 +165,7 @@ class Agenda:
     def resume(self) -> None:
         """Let timers run from now on, each with a call at once."""
         now = self._clock.now()
-        for each in self._timers:
+        for each in self.timers:
             each._beat.restart(now)
         self._runs = True
         self._wake.set()
@@ -246,7 +247,7 @@ class Agenda:
         due, first = NEVER, None
         if not self._runs:
             return due, first
-        for each in self._timers:
+        for each in self.timers:
             if not each._is_running and each._beat.next < due:
                 due, first = each._beat.next, each
         while self._once and not self._once[0][2].pending:

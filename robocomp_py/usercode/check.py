@@ -28,8 +28,8 @@ HOOKS: Mapping[str, tuple[str, ...]] = {
 }
 """Optional methods that the framework calls in every component, with their arguments."""
 
-_MACHINE, _COMPONENT = -1, -2
-"""The state machine, and the component itself, where other entries have the number of a port."""
+_MACHINE, _COMPONENT, _TIMERS = -1, -2, -3
+"""The state machine, the component itself, and the first timer, where other entries have the number of a port."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Wanted:
     name: str
     arguments: tuple[str, ...]
     clause: int
-    """The port that asks for it, by its number in the component; -1 for the state machine."""
+    """The port that asks for it, by its number in the component; negative for others."""
 
 
 def wanted(component: Component) -> list[Wanted]:
@@ -50,7 +50,8 @@ def wanted(component: Component) -> list[Wanted]:
         for port, operation in component.handlers()
     ]
     methods = component.machine.methods() if component.machine else ()
-    return [*found, *(Wanted(each, (), _MACHINE) for each in methods)]
+    timers = (Wanted(each.method, (), _TIMERS - number) for number, each in enumerate(component.timers))
+    return [*found, *(Wanted(each, (), _MACHINE) for each in methods), *timers]
 
 
 def takes(arguments: ast.arguments, number: int) -> bool:
@@ -142,6 +143,7 @@ def _clauses(model: CdslComponent, component: Component) -> dict[int, tuple[str,
     found[_COMPONENT] = (f"component {model.name}", model.name.span)
     if model.statemachine:
         found[_MACHINE] = (f"statemachine {model.statemachine}", model.statemachine.span)
+    found |= {_TIMERS - number: (f"timer {each.name}", each.name.span) for number, each in enumerate(model.timers)}
     return found
 
 
@@ -217,7 +219,7 @@ class _Checker:
             each.short for module in self._linked.modules for each in module.definitions if isinstance(each, Interface)
         }
         interfaces |= {port.interface.short for port in self._linked.component.ports}
-        pattern = re.compile(rf"(?:{'|'.join(map(re.escape, sorted(interfaces))) or '(?!)'})\d*_\w+|sm_\w+")
+        pattern = re.compile(rf"(?:{'|'.join(map(re.escape, sorted(interfaces))) or '(?!)'})\d*_\w+|(?:sm|timer)_\w+")
         candidates = [
             each
             for name, each in self._worker.methods.items()

@@ -183,6 +183,15 @@ def test_stubs_in_a_generated_specific_part_make_it_what_rcgen_would_have_writte
         )
 
 
+def test_the_method_of_a_timer_comes_as_a_stub() -> None:
+    text = next(each.text for each in artifacts("patrol") if str(each.path) == "specificworker.py")
+    read = reading({"specificworker": text[: text.index("\n    def timer_report")]})
+    patrol = linked(MODELS / "patrol.cdsl")
+    found = find_stubs(Path("everything"), patrol, read)
+    assert list(found.missing) == ["timer_report"]
+    assert with_stubs(Path("everything"), found, read).decode() == text
+
+
 @pytest.mark.parametrize("text", ["class SpecificWorker(GenericWorker): pass", "from .mine import SpecificWorker"])
 def test_a_class_that_nothing_can_be_appended_to_is_refused(text: str) -> None:
     read = reading({"specificworker": text, "mine": "class SpecificWorker(GenericWorker):\n    pass\n"})

@@ -101,7 +101,7 @@ def test_a_component_in_our_style() -> None:
         };
         language   Cpp11 ;gui qt( QWidget );options dsr,agmagent;
         stateMachine "a.smdsl" Visual;
-        period 50 ms;
+        period 50 ms;TIMER poll  20ms ;
         }
         """,
         """
@@ -119,6 +119,7 @@ def test_a_component_in_our_style() -> None:
             options dsr, agmagent;
             statemachine "a.smdsl" visual;
             period 50 ms;
+            timer poll 20 ms;
         };
         """,
     )

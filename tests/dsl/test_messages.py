@@ -230,7 +230,7 @@ arm.idsl:1:47: error[syntax]: unexpected `x`; expected `)`, `,` or `=`
         "Component arm {\n    foo Communications { };\n    language python;\n};",
         """\
 arm.cdsl:2:5: error[syntax]: unexpected `foo`; expected `Communications`, `gui`, `language`, `options`, `params`, \
-`period`, `statemachine` or `}`
+`period`, `statemachine`, `timer` or …
         foo Communications { };
         ^^^
     remove it""",
@@ -240,7 +240,7 @@ arm.cdsl:2:5: error[syntax]: unexpected `foo`; expected `Communications`, `gui`,
         "Component arm {\n    languge python;\n    language python;\n};",
         """\
 arm.cdsl:2:5: error[syntax]: unexpected `languge`; expected `Communications`, `gui`, `language`, `options`, \
-`params`, `period`, `statemachine` or `}`
+`params`, `period`, `statemachine`, `timer` or …
         languge python;
         ^^^^^^^
     did you mean `language`?
@@ -438,6 +438,15 @@ arm.cdsl:1:41: error[bad-period]: a period needs a unit
     Component arm { language python; period 50; };
                                             ^^
     write `period 50 ms;` (units: us, ms, s, min)""",
+    ),
+    "a timer without a unit": (
+        "arm.cdsl",
+        "Component arm { language python; timer poll 50; };",
+        """\
+arm.cdsl:1:45: error[bad-period]: a timer needs a unit
+    Component arm { language python; timer poll 50; };
+                                                ^^
+    write `timer poll 50 ms;` (units: us, ms, s, min)""",
     ),
     "a parameter as in C": (
         "arm.pdsl",

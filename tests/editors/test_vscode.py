@@ -61,6 +61,7 @@ AROUND = {
         "Parameters": IN_COMPONENT,
         "State machine": IN_COMPONENT,
         "Period": IN_COMPONENT,
+        "Timer": IN_COMPONENT,
     },
     "pdsl": {
         "Parameters": WHOLE,

@@ -126,10 +126,11 @@ def test_an_interface_that_is_not_imported_is_proposed_with_its_import(editor: E
         ("publishes Arm qos(liveliness |);", "", {"automatic", "manual_by_topic"}),
         ("", "language |;", {"python"}),
         ("", "period 50 |;", {"ms", "s"}),
+        ("", "timer poll 50 |;", {"ms", "s"}),
         ("", "options |;", {"dsr"}),
         ("", 'params "|";', {"arm.pdsl"}),
         ("", 'statemachine "|";', {"arm.smdsl"}),
-        ("", "|", {"params", "period", "language", "statemachine"}),
+        ("", "|", {"params", "period", "timer", "language", "statemachine"}),
         ("|", "", {"requires", "implements", "publishes", "subscribesTo"}),
     ],
 )

@@ -55,6 +55,13 @@ def test_a_type_is_said_with_its_definition_from_another_file(reader: Editor) ->
     assert "struct of `RoboCompJoints`, in Joints.idsl" in text
 
 
+def test_hover_tells_what_a_timer_calls(reader: Editor) -> None:
+    reader.open("arm/timed.cdsl", "Component timed { language python; timer poll 20 ms; };")
+    told = said(reader, "arm/timed.cdsl", "timer |poll")
+    assert "timer poll 20 ms" in told
+    assert "Calls `timer_poll` on the clock of the component" in told
+
+
 def test_hover_lists_the_users_of_a_definition(reader: Editor) -> None:
     assert "Used in Arm.idsl, Joints.idsl" in said(reader, "Joints.idsl", "struct Joi|nt")
     assert "Used in arm.cdsl, chess.cdsl, game.ddsl" in said(reader, "chess/chess.cdsl", "requires A|rm")

@@ -13,6 +13,7 @@ import pytest
 from robocomp_py.contract.component import Component, PeriodicTimer
 from robocomp_py.errors import ComponentError, ConfigurationError
 from robocomp_py.runtime.clock import SECOND, Virtual, ns
+from robocomp_py.runtime.RoboCompCommonBehavior import TimerStatus
 from robocomp_py.runtime.timers import MAX_PENDING
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
@@ -103,6 +104,17 @@ def test_wrong_timers_in_a_configuration_are_told(find: Any) -> None:
         make(Polling, find, Virtual(), "timers.pol=1")
     with pytest.raises(ConfigurationError, match=r"timers\.poll"):
         make(Polling, find, Virtual(), "timers.poll=0")
+
+
+def test_the_status_of_a_component_has_its_timers(find: Any) -> None:
+    class Slow(Polling):
+        def timer_poll(self) -> None:
+            self.sleep(0.35)
+
+    made = lived(Slow, find, 1.0).made
+    assert made._status().timers == [TimerStatus("poll", 0.2, 3, 3), TimerStatus("report", 0.5, 2, 0)]
+    assert made.life.split()[:3] == ["polling", "ended", "3"]
+    assert made.overruns == 0
 
 
 def test_an_unknown_timer_is_told(find: Any) -> None:

@@ -31,10 +31,15 @@ HEAD = "from .generic.genericworker import GenericWorker\n"
 
 
 def found(
-    body: str, head: str = f"{HEAD}class SpecificWorker(GenericWorker):", *, folder: Path = FOLDER, **others: str
+    body: str,
+    head: str = f"{HEAD}class SpecificWorker(GenericWorker):",
+    *,
+    folder: Path = FOLDER,
+    cdsl: str = CDSL,
+    **others: str,
 ) -> list[Diagnostic]:
     """What is said of a specific part whose class has that body; `others` are the files beside it."""
-    texts = {"vault.cdsl": CDSL, "Vault.idsl": IDSL, "vault.smdsl": SMDSL, "specificworker.py": f"{head}\n{body}"}
+    texts = {"vault.cdsl": cdsl, "Vault.idsl": IDSL, "vault.smdsl": SMDSL, "specificworker.py": f"{head}\n{body}"}
     texts |= {f"{name}.py": text for name, text in others.items()}
     files = {folder / name: text.encode() for name, text in texts.items()}
     workspace = Workspace(read=lambda path: files[path] if path in files else read_file(path))
@@ -62,6 +67,16 @@ def test_all_that_is_missing_is_told_by_the_clause_that_asks_for_it() -> None:
     assert {each.hint for each in diagnostics} == {f"run: rcgen --stubs {FOLDER / 'vault.cdsl'}"}
     assert {each.span.text for each in diagnostics} == {"SpecificWorker"}
     assert [span.text for each in diagnostics for _, span in each.related] == ["Vault", "vault.smdsl"]
+
+
+def test_the_methods_of_timers_are_checked() -> None:
+    timed = CDSL.replace("    language", "    timer poll 20 ms;\n    timer report 1 s;\n    language")
+    lacks, uncalled = found(WHOLE + "    def timer_poll(self): pass\n    def timer_repot(self): pass\n", cdsl=timed)
+    assert lacks.message == "`SpecificWorker` lacks `timer_report`, which `timer report` asks for"
+    assert lacks.hint.startswith("is `timer_repot` for `timer_report` a slip? else run: rcgen --stubs")
+    assert (uncalled.code, uncalled.message) == ("uncalled-handler", "`timer_repot` is not called by anything")
+    [wrong] = found(WHOLE + "    def timer_poll(self, now): pass\n    def timer_report(self): pass\n", cdsl=timed)
+    assert (wrong.code, wrong.hint) == ("wrong-handler", "write `def timer_poll(self)`")
 
 
 @pytest.mark.parametrize(

@@ -241,8 +241,8 @@ class _Checker:
                 message = "names of timers do not begin with an underscore"
                 self.report.error("reserved-name", message, timer.name.span, "give it another name")
             elif keyword.iskeyword(timer.name.text):
-                message = f"`{timer.name}` is a keyword of Python, so `self.timers.{timer.name}` is not valid"
-                self.report.error("keyword-name", message, timer.name.span, "give it another name")
+                message = f"`{timer.name}` is a keyword of Python"
+                self.report.error("reserved-name", message, timer.name.span, "give it another name")
 
     def _check_period(self, kind: str, period: m.Amount, clause: str = "period") -> None:
         units = ", ".join(m.SECONDS)

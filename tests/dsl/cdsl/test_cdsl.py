@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from robocomp_py.contract.component import Component
+from robocomp_py.contract.component import Component, PeriodicTimer
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.qos import PRESETS, Durability, History, Liveliness, QoS, Reliability
 from robocomp_py.dsl.cdsl.parser import parse
@@ -97,6 +97,12 @@ def test_clauses_come_in_any_order() -> None:
 )
 def test_a_period_has_a_unit(written: str, seconds: float) -> None:
     assert arm(clauses=f"period {written};").period == pytest.approx(seconds)
+
+
+def test_timers_have_names_and_periods() -> None:
+    made = arm(clauses="timer poll 20 ms; Timer timer 1 min; timer period 2 s;")
+    assert made.timers == (PeriodicTimer("poll", 0.02), PeriodicTimer("timer", 60.0), PeriodicTimer("period", 2.0))
+    assert arm().timers == ()
 
 
 def test_without_a_period_it_is_that_of_the_contract() -> None:

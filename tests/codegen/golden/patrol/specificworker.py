@@ -62,3 +62,9 @@ class SpecificWorker(GenericWorker):
 
     def sm_off(self) -> None:
         """Called when `off` is entered, which ends the state machine."""
+
+    def timer_look(self) -> None:
+        """Called every 20 ms."""
+
+    def timer_report(self) -> None:
+        """Called every 60 s."""

@@ -8,6 +8,7 @@ from abc import abstractmethod
 from robocomp_py.runtime.api import (
     Component,
     Machine,
+    PeriodicTimer,
     Port,
     State,
     StateMachine,
@@ -71,6 +72,10 @@ class GenericWorker(Worker[None]):
                 Transition("turning", "driving"),
                 Transition("looking", "looking"),
             ),
+        ),
+        timers=(
+            PeriodicTimer("look", 0.02),
+            PeriodicTimer("report", 60.0),
         ),
     )
     middleware = "auto"
@@ -143,3 +148,11 @@ class GenericWorker(Worker[None]):
     @abstractmethod
     def sm_off(self) -> None:
         """Called when `off` is entered, which ends the state machine."""
+
+    @abstractmethod
+    def timer_look(self) -> None:
+        """Called every 20 ms."""
+
+    @abstractmethod
+    def timer_report(self) -> None:
+        """Called every 60 s."""
