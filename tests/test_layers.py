@@ -71,7 +71,7 @@ FORBIDDEN: dict[str, set[str]] = {
     | {"lark", "jinja2", "rich", "numpy", "asyncssh", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.cli"},
     "robocomp_py.deploy.client": MIDDLEWARES | {"asyncio", "lark", "rich", "numpy", "robocomp_py.dsl"},
     "robocomp_py.deploy.launcher.keeper": MIDDLEWARES | {"asyncio", "lark", "numpy", "robocomp_py.contract"},
-    "robocomp_py.deploy.launcher.zygote": MIDDLEWARES | {"asyncio", "lark", "rich", "robocomp_py.deploy.plan"},
+    "robocomp_py.deploy.launcher.forkserver": MIDDLEWARES | {"asyncio", "lark", "rich", "robocomp_py.deploy.plan"},
     "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
     "robocomp_py.deploy.planner": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
 }

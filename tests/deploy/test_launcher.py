@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.deploy.agents import Abandoned, Listener
-from robocomp_py.deploy.launcher import cgroups, forking, leftovers, local, traces, zygote
+from robocomp_py.deploy.launcher import cgroups, forking, forkserver, leftovers, local, traces
 from robocomp_py.deploy.launcher.birth import PADDING, Birth, adopt_orphans
 from robocomp_py.deploy.launcher.forking import forkable
 from robocomp_py.deploy.launcher.local import Launcher
@@ -274,7 +274,7 @@ def test_a_process_with_threads_does_not_fork() -> None:
         ours.send(json.dumps({"id": 1}).encode())
         ours.shutdown(socket.SHUT_WR)
         try:
-            assert zygote.serve(theirs, -1) is None
+            assert forkserver.serve(theirs, -1) is None
         finally:
             over.set()
             other.join()
@@ -349,8 +349,8 @@ def test_many_may_be_asked_for_at_once(component: Path, tmp_path: Path, runtime_
         for name in names:
             assert (await heard.until("exited", name))[2] == 0
 
-        assert launcher._zygote
-        assert not launcher._zygote.ended
+        assert launcher._fork_server
+        assert not launcher._fork_server.ended
 
     heard = launched(tmp_path / "run", story)
     assert len({line for name in names for line in heard.lines(name) if line.startswith("random")}) == len(names)
@@ -371,7 +371,7 @@ def test_what_was_answered_counts_also_when_the_process_that_forks_is_gone(
         def kill(self) -> None: ...
 
     async def asked() -> list[object]:
-        asking = forking.Zygote([], 0, {})
+        asking = forking.ForkServer([], 0, {})
         channel: socket.socket = asking._running.channel  # type: ignore[attr-defined]
         wanted = [program("", name) for name in ("first", "second", "third")]
         starts = [asyncio.create_task(asking.start(each, {}, 1, Birth(os.getpid(), -1))) for each in wanted]
@@ -404,7 +404,7 @@ def test_a_start_that_is_cancelled_while_its_answer_arrives_ends_and_leaves_no_p
         def kill(self) -> None: ...
 
     async def cancelled(pid: int) -> None:
-        asking = forking.Zygote([], 0, {})
+        asking = forking.ForkServer([], 0, {})
         channel: socket.socket = asking._running.channel  # type: ignore[attr-defined]
         start = asyncio.create_task(asking.start(program("", "one"), {}, 1, Birth(os.getpid(), -1)))
         await asyncio.sleep(0)
@@ -432,7 +432,15 @@ def test_a_process_that_cannot_be_reported_is_ended(request: pytest.FixtureReque
     lifeline, held = os.pipe()
     out, into = os.pipe()
     numbers = (theirs.fileno(), lifeline)
-    command = (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.zygote", *map(str, numbers), "inproc", PADDING)
+    command = (
+        sys.executable,
+        "-P",
+        "-m",
+        "robocomp_py.deploy.launcher.forkserver",
+        *map(str, numbers),
+        "inproc",
+        PADDING,
+    )
     with subprocess.Popen(command, pass_fds=numbers) as forks:
         wanted = {"id": 1, "name": "it", "arguments": ["--help"], "cwd": "/", "env": {}, "parent": os.getpid()}
         socket.send_fds(ours, [json.dumps({**wanted, "cgroup": "", "files": None}).encode()], [into])
@@ -518,8 +526,8 @@ def test_without_the_process_that_forks_components_start_all_the_same(
 
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(Process("first", "it", command, component))
-        assert launcher._zygote
-        os.kill(launcher._zygote.pid, signal.SIGKILL)
+        assert launcher._fork_server
+        os.kill(launcher._fork_server.pid, signal.SIGKILL)
         assert (await heard.until("exited", "first"))[2] == 0
         await launcher.start(Process("it", "it", command, component))
         assert (await heard.until("exited"))[2] == 0
@@ -564,8 +572,8 @@ def test_one_that_is_not_wanted_any_more_when_it_comes_is_ended_then_and_not_wai
         assert heard.told == []
         await launcher.start(replace(stays, env={}))  # what was asked for first has come by then
         assert (await heard.until("exited"))[2] == 0
-        assert launcher._zygote
-        forking = launcher._zygote.pid
+        assert launcher._fork_server
+        forking = launcher._fork_server.pid
         wait_until(lambda: [each.pid for each in traces.marked(launcher._launch)] == [forking])
 
     heard = launched(tmp_path / "run", story)
@@ -588,10 +596,10 @@ def test_a_process_being_started_is_abandoned_when_its_launcher_closes(
 def test_one_that_comes_nevertheless_is_ended_then(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         coming = await being_started(launcher, staying(component))
-        assert launcher._zygote
-        ((_, answer),) = launcher._zygote._asked.values()
+        assert launcher._fork_server
+        ((_, answer),) = launcher._fork_server._asked.values()
         answer.add_done_callback(lambda _: launcher.stop("it"))  # too late for it to be left out
-        os.kill(launcher._zygote.pid, signal.SIGKILL)
+        os.kill(launcher._fork_server.pid, signal.SIGKILL)
         await coming
         assert (await heard.until("exited"))[2] in (-signal.SIGTERM, 128 + signal.SIGTERM)
 

@@ -1,1 +1,1 @@
-"""Launching on one machine. `local.py` has the agent; `keeper.py` and `zygote.py` are programs that it runs."""
+"""Launching on one machine. `local.py` has the agent; `keeper.py` and `forkserver.py` are programs that it runs."""

@@ -14,7 +14,7 @@ from . import cgroups, unsafe
 _F_SETSIG = 10
 
 PADDING = "-" * 4096
-"""An argument of the zygote: room for the command line that a component shows."""
+"""An argument of the fork server: room for the command line that a component shows."""
 
 
 @dataclass(frozen=True, slots=True)

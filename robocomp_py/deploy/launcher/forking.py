@@ -1,4 +1,4 @@
-"""Asks the zygote for processes, from the event loop."""
+"""The launcher's side of the fork server, which starts components quickly. Its program is `forkserver.py`."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _EARLY = ("PYTHON", "LD_", "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NUMEXPR_", "MA
 """Prefixes of variables that are read before our code runs, or while its modules are imported."""
 
 _ANSWER = 30.0
-"""Seconds within which the zygote answers, its own start included."""
+"""Seconds within which the fork server answers, its own start included."""
 
 
 class Unavailable(DeploymentError):
-    """The zygote does not run, does not answer, or cannot start the process."""
+    """The fork server does not run, does not answer, or cannot start the process."""
 
 
 def forkable(process: Process) -> bool:
@@ -39,17 +39,17 @@ def forkable(process: Process) -> bool:
     )
 
 
-class Zygote:
+class ForkServer:
     """The process that imports the modules once and forks. Its end does not affect the processes that it started."""
 
     def __init__(self, middlewares: Iterable[str], lifeline: int, environment: Mapping[str, str]) -> None:
-        """Raises OSError if it cannot be started."""
+        """Start the fork server. Raises OSError."""
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.setblocking(False)
         with theirs:
             numbers = (str(theirs.fileno()), str(lifeline))
             self._running = subprocess.Popen(
-                (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.zygote", *numbers, *middlewares, PADDING),
+                (sys.executable, "-P", "-m", "robocomp_py.deploy.launcher.forkserver", *numbers, *middlewares, PADDING),
                 stdin=subprocess.DEVNULL,
                 env=environment,
                 pass_fds=(theirs.fileno(), lifeline),
@@ -66,7 +66,7 @@ class Zygote:
         return self._running.pid
 
     async def start(self, process: Process, environment: Mapping[str, str], output: int, birth: Birth) -> int:
-        """The id of the new process, which is a child of ours. Raises Unavailable, or Abandoned."""
+        """Start a process, which becomes our child, and return its id. Raises Unavailable, or Abandoned."""
         if self.ended:
             raise Unavailable("the fork server has ended")
         self._number += 1
@@ -91,7 +91,7 @@ class Zygote:
                 os.kill(answer.result(), signal.SIGKILL)  # it has started, but the caller will not learn its id
             raise
         except TimeoutError as exc:
-            self.close()  # a late answer would mean an unknown process
+            self.close()  # after a late answer, a process would run that has no owner
             raise Unavailable(f"the fork server has not answered for {_ANSWER:g} s") from exc
         except OSError as exc:
             raise Unavailable(f"the fork server: {exc.strerror}") from exc
@@ -99,19 +99,19 @@ class Zygote:
             self._asked.pop(number, None)
 
     def abandon(self, name: str) -> None:
-        """Give up a process that was just asked for: if it starts nevertheless, it is ended."""
+        """Give up a requested process: if it starts nevertheless, it is ended."""
         for asked, answer in self._asked.values():
             if asked == name and not answer.done():
                 answer.set_exception(Abandoned(f"{name} was stopped before it started"))
 
     def close(self) -> None:
-        """End it; it is waited for. May be called twice."""
+        """End the fork server and wait for its end. May be called twice."""
         if not self.ended:
             self.ended = True
             asyncio.get_running_loop().remove_reader(self._channel)
             with contextlib.suppress(OSError):
                 self._channel.shutdown(socket.SHUT_RDWR)  # a fork server that cannot answer ends what it starts
-            while message := self._read():  # these processes run, and would be started again
+            while message := self._read():  # answers about processes that already run: do not start them again
                 self._settle(message)
             self._channel.close()
             self._running.kill()

@@ -36,7 +36,7 @@ from ..process import Process
 from . import birth, cgroups, traces
 from .birth import Birth
 from .clearing import clear_up
-from .forking import Unavailable, Zygote, forkable
+from .forking import ForkServer, Unavailable, forkable
 from .keeping import Keeper
 from .leftovers import Record, load
 from .notes import Contract, Note
@@ -118,7 +118,7 @@ class Launcher(Agent):
         """The processes that are just being started, and what to do with each afterwards."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._undo = contextlib.AsyncExitStack()
-        self._zygote: Zygote | None = None
+        self._fork_server: ForkServer | None = None
         self._was_told = False
         self._group: Path | None = None
         self._lifeline = -1
@@ -197,8 +197,8 @@ class Launcher(Agent):
                 await asyncio.sleep(0.01)
         for task in self._tasks:
             task.cancel()
-        if self._zygote:
-            self._zygote.close()
+        if self._fork_server:
+            self._fork_server.close()
         if self._group:
             cgroups.kill(self._group)
         end = self._loop.time() + _ENDED
@@ -265,8 +265,10 @@ class Launcher(Agent):
         own = Birth(os.getpid(), -1, str(group or ""), self._files)
         if forkable(process):
             try:
-                self._zygote = self._zygote or Zygote(self._middlewares, self._lifeline, self._environment())
-                return await self._zygote.start(process, told, into, own)
+                self._fork_server = self._fork_server or ForkServer(
+                    self._middlewares, self._lifeline, self._environment()
+                )
+                return await self._fork_server.start(process, told, into, own)
             except (Unavailable, OSError) as exc:
                 if not self._was_told:
                     self._was_told = True
@@ -330,8 +332,8 @@ class Launcher(Agent):
         """Abandon a process that is just being started; if it starts nevertheless, apply `deed` to it."""
         if name in self._coming:
             self._coming[name] = deed
-            if self._zygote:
-                self._zygote.abandon(name)
+            if self._fork_server:
+                self._fork_server.abandon(name)
 
     def _kill(self, running: _Running) -> None:
         if running.group:

@@ -141,7 +141,7 @@ import sys
 for name in ("lark", "jinja2", "rich", "asyncssh", "pygls"):
     sys.modules[name] = None                       # as if it were not installed
 import robocomp_py.cli.rc, robocomp_py.cli.run, robocomp_py.deploy.agent, robocomp_py.runtime.run
-import robocomp_py.deploy.launcher.keeper, robocomp_py.deploy.launcher.zygote
+import robocomp_py.deploy.launcher.keeper, robocomp_py.deploy.launcher.forkserver
 from robocomp_py import installed
 assert robocomp_py.deploy.agent.__file__.startswith(sys.argv[1]), robocomp_py.deploy.agent.__file__
 print(*(entry.load().__name__ for name, entry in installed.transports().items() if name in ("inproc", "zeromq")))

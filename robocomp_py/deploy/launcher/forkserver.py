@@ -1,13 +1,13 @@
-"""Starts components of ours by fork: all that they need is imported here, once. Run as a program.
+"""The program of the fork server: it imports everything that components need, once, and forks them.
 
-    … zygote CHANNEL LIFELINE MIDDLEWARE… PADDING
+    … forkserver CHANNEL LIFELINE MIDDLEWARE… PADDING
 
-On the channel, a socket, come requests, one a datagram, with the pipe for the output; each is answered with the id of
-the new process, or why there is none. The new process is a grandchild whose parent has ended, so it belongs to
-the launcher (see `birth.adopt_orphans`), which reaps it and whose end ends it; the end of this process does not.
+Each datagram on the channel, a socket, is a request, with the pipe for the output. The answer is the id of the new
+process, or why there is none. The new process is a grandchild whose parent has ended. So the launcher adopts it (see
+`birth.adopt_orphans`) and reaps it; the process ends with the launcher, but not with the fork server.
 
-Nothing is done here that a new process would have to undo: no thread is started, no socket or context made, no signal
-handled, no logging configured. When the channel closes, this ends.
+The fork server does nothing that a new process would have to undo: it starts no thread, makes no socket or context,
+handles no signal and configures no logging. It ends when the channel closes.
 """
 
 from __future__ import annotations
