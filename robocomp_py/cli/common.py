@@ -107,8 +107,8 @@ def signalled() -> int:
     return _came[0] if _came else 0
 
 
-def insist() -> None:
-    """Raise the exception of a signal again, if it was lost."""
+def raise_if_signalled() -> None:
+    """Raise the exception of a received signal again, in case it was lost."""
     match signalled():
         case 0:
             pass

@@ -7,25 +7,25 @@ import contextlib
 import sys
 import threading
 
-from .common import FINE, USAGE, complain, insist
+from .common import FINE, USAGE, complain, raise_if_signalled
 
 NAME = "host"
-HELP = "run what the components of this machine share: the router of Zenoh, IceStorm"
+HELP = "run a helper process for the components of this machine: Zenoh's router, or IceStorm"
 
 _EXAMPLES = """\
 examples:
-  rc host zenoh                                           the router that this user's components here use
-  rc host zenoh --set transports.zenoh.connect=here/net   ... the one of a network, as its components are told
-  rc host ice                                             IceStorm, as RoboComp's rcnode does
+  rc host zenoh                                           the router of this user's components
+  rc host zenoh --set transports.zenoh.connect=here/net   ... the router of a network, as configured in its components
+  rc host ice                                             IceStorm, like RoboComp's rcnode
 
-exit status: 0 there is nothing to run, 1 it cannot be run, 2 usage, 130/143 stopped by a signal
+exit status: 0 the middleware needs no helper, 1 the helper cannot run, 2 usage, 130/143 stopped by a signal
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
-        "Run what the components of this machine share, until stopped. rcdeploy does so for its networks; this is for "
-        "components that something else starts."
+        "Run a helper process that the components of this machine share, until stopped. rcdeploy does this for its "
+        "networks; use this command for components that are started in another way."
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -71,11 +71,11 @@ def run(options: argparse.Namespace) -> int:
         ended.set()
 
     try:
-        with contextlib.ExitStack() as until_the_end:
-            until_the_end.enter_context(Signals(end))
-            insist()  # on a signal that came before
-            until_the_end.enter_context(hosting(middleware, TransportConfig(own, f"rc host {middleware}")))
-            if not _hosts(middleware):
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(Signals(end))
+            raise_if_signalled()  # on a signal that came before
+            stack.enter_context(hosting(middleware, TransportConfig(own, f"rc host {middleware}")))
+            if not _has_helper(middleware):
                 print(f"rc host: {middleware} needs no shared process", file=sys.stderr)
                 return FINE
             notify("READY=1", f"STATUS=hosting {middleware}")
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     return 128 + received[0]
 
 
-def _hosts(middleware: str) -> bool:
+def _has_helper(middleware: str) -> bool:
     from ..transports.base import find_transport
 
     return hasattr(find_transport(middleware), "host")

@@ -8,7 +8,7 @@ import signal
 import sys
 from typing import BinaryIO
 
-from .common import FINE, USAGE, WRONG, insist
+from .common import FINE, USAGE, WRONG, raise_if_signalled
 
 NAME = "lsp"
 HELP = "the language server, which editors start; see docs/guides/editors.md"
@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
         return USAGE
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)  # no cleanup, which would wait for the thread that reads stdin
-    insist()  # on one that came before
+    raise_if_signalled()  # on one that came before
     return FINE if make_server().serve(*_channels()) else WRONG
 
 

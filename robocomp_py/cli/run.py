@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..errors import ComponentError
 from ..runtime.notify import BETWEEN
-from .common import FINE, complain, insist, signalled
+from .common import FINE, complain, raise_if_signalled, signalled
 
 NAME = "run"
 HELP = "run a component"
@@ -77,7 +77,7 @@ def run(
         workers = [load_worker(part.folder, afresh=bool(others), alone=not others) for part, _ in parts]
     except ComponentError as exc:
         return complain(exc)
-    insist()  # on a signal that came while they were imported
+    raise_if_signalled()  # on a signal that came while they were imported
     arguments = [[*(part.passed or []), *own, *(["--help"] if part.help else [])] for part, own in parts]
     if not others:
         return run_component(workers[0], arguments[0], missed=signalled)
@@ -100,7 +100,7 @@ def run_plain(arguments: Sequence[str]) -> int | None:
         worker = load_worker(Path(folder), alone=True)
     except ComponentError as exc:
         return complain(exc)
-    insist()
+    raise_if_signalled()
     return run_component(worker, options=options, missed=signalled)
 
 

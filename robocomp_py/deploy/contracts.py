@@ -1,9 +1,9 @@
 """The contracts that the instances of a network run, compared with each other and with the generated ones.
 
-An interface may be changed, and its components generated again, while the network runs. From then on a component that
-starts has the new contract, and those that went on have the old one: they do not understand each other.
+An interface may be changed, and its components generated again, while the network runs. From then on, a component that
+starts has the new contract, and running ones have the old contract: they cannot communicate.
 
-Pure, but for `generated`, which reads a component's generic part.
+Pure, except for `generated` and `generated_contracts`, which read generic parts.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ Contracts = Mapping[str, Operations]
 
 
 @dataclass(frozen=True, slots=True)
-class Severed:
-    """Two instances that are linked by an interface, and have different contracts of it."""
+class BrokenLink:
+    """Two instances that are linked by an interface, but have different contracts of it."""
 
     interface: str
     provider: str
@@ -35,17 +35,17 @@ class Severed:
 
 
 @dataclass(frozen=True, slots=True)
-class Prospect:
+class RestartEffect:
     """The effect of restarting some instances of a network."""
 
-    severed: tuple[Severed, ...]
-    """The links that would not work then, and would be new."""
+    broken: tuple[BrokenLink, ...]
+    """The links that would stop working."""
     together: tuple[str, ...]
-    """The other instances that have to be started again with them, so that these links work."""
+    """The other instances that must restart with them, so that these links work."""
 
 
 def generated(folder: Path) -> dict[str, str] | None:
-    """The contracts in the generic part of a component; None if it does not say, as for some middlewares."""
+    """The contracts in the generic part of a component; None if it has none, as for some middlewares."""
     files = sorted((folder / "generic").glob("*/channels.json"))
     found: dict[str, str] = {}
     try:
@@ -58,7 +58,7 @@ def generated(folder: Path) -> dict[str, str] | None:
 
 
 def outdated(running: Contracts, current: Contracts) -> dict[str, list[str]]:
-    """The instances that run another contract than is generated now, with the interfaces it is about."""
+    """The instances whose contract differs from the generated one, with the interfaces that differ."""
     found = {
         name: sorted({_interface(each) for each in _differing(operations, current[name])})
         for name, operations in running.items()
@@ -67,7 +67,7 @@ def outdated(running: Contracts, current: Contracts) -> dict[str, list[str]]:
     return {name: interfaces for name, interfaces in found.items() if interfaces}
 
 
-def severed(links: Iterable[Mapping[str, Any]], running: Contracts) -> list[Severed]:
+def broken_links(links: Iterable[Mapping[str, Any]], running: Contracts) -> list[BrokenLink]:
     """The links whose two ends have different contracts. `links` are those of a plan, as JSON."""
     found = []
     for link in links:
@@ -76,34 +76,34 @@ def severed(links: Iterable[Mapping[str, Any]], running: Contracts) -> list[Seve
             continue
         wanted = {name: client[name] for name in client if _interface(name) == link["interface"]}
         if any(provider.get(name) != fingerprint for name, fingerprint in wanted.items()):
-            found.append(Severed(link["interface"], link["provider"], link["client"]))
+            found.append(BrokenLink(link["interface"], link["provider"], link["client"]))
     return found
 
 
-def prospect(
+def effect_of_restart(
     links: Sequence[Mapping[str, Any]], running: Contracts, current: Contracts, restarted: Collection[str]
-) -> Prospect:
+) -> RestartEffect:
     """The effect on the links of restarting some instances with their generated contracts."""
-    before, group = severed(links, running), dict.fromkeys(restarted)
+    before, group = broken_links(links, running), dict.fromkeys(restarted)
     old = outdated(running, current)
 
-    def broken() -> list[Severed]:
-        after = severed(links, {**running, **{name: current[name] for name in group if name in current}})
+    def newly_broken() -> list[BrokenLink]:
+        after = broken_links(links, {**running, **{name: current[name] for name in group if name in current}})
         return [each for each in after if each not in before]
 
-    first = broken()
-    while more := [name for each in broken() for name in (each.provider, each.client) if name in old.keys() - group]:
+    first = newly_broken()
+    while more := [end for link in newly_broken() for end in (link.provider, link.client) if end in old.keys() - group]:
         group |= dict.fromkeys(more)
-    return Prospect(tuple(first), tuple(name for name in group if name not in restarted))
+    return RestartEffect(tuple(first), tuple(name for name in group if name not in restarted))
 
 
 def running_contracts(processes: Iterable[ProcessStatus]) -> dict[str, Operations]:
-    """Those of the instances that are there."""
+    """The contracts of the running instances."""
     return {name: each.contracts[name] for each in processes if not each.state.gone for name in each.contracts}
 
 
 def generated_contracts(plan: Mapping[str, Any]) -> dict[str, Operations]:
-    """What the instances of a plan, as JSON, would run if they were started again; reads their generic parts.
+    """The contracts that the instances of a plan, as JSON, would have after a restart; reads their generic parts.
 
     An instance on another host would run the copy that was sent there when the network started.
     """
@@ -118,12 +118,12 @@ def generated_contracts(plan: Mapping[str, Any]) -> dict[str, Operations]:
     return found
 
 
-def sentences(network: str, severed: Iterable[Severed], outdated: Mapping[str, Sequence[str]]) -> list[str]:
-    """The sentences about them; `network` is the network as the user names it."""
+def sentences(network: str, broken: Iterable[BrokenLink], outdated: Mapping[str, Sequence[str]]) -> list[str]:
+    """Messages about broken links and outdated instances; `network` is the network as the user names it."""
     told = [
         f"{each.client} uses `{each.interface}` of {each.provider}, but they have different contracts of it: "
         "calls between them fail"
-        for each in severed
+        for each in broken
     ]
     for name, interfaces in outdated.items():
         said = ", ".join(f"`{each}`" for each in interfaces)

@@ -18,8 +18,8 @@ CANNOT_BE_STARTED = 127
 """The exit code for a process that could not be started, as in shells."""
 
 ABREAST = 8
-"""Maximum number of simultaneous starts on this machine, where the fork server makes them cheap. An agent of another host
-carries out one command at a time, and a command that was sent cannot be taken back.
+"""Maximum number of simultaneous starts on this machine, where the fork server makes them cheap. The agent of another
+host carries out one command at a time, and a command that was sent cannot be taken back.
 """
 
 

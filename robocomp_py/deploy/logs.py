@@ -145,26 +145,26 @@ class Logs:
                 older.replace(_numbered(file.path, number))
 
 
-def recalled(folder: Path, names: Collection[str], count: int, since: float = 0.0) -> list[Line]:
-    """The newest lines that files of these processes (all, if none is named) have, in the order in which they came.
+def past_lines(folder: Path, names: Collection[str], count: int, since: float = 0.0) -> list[Line]:
+    """The newest lines in the files of these processes (of all, if none is named), in the order in which they came.
 
-    Lines that came before `since`, of an earlier run, are left out.
+    Lines from before `since`, which belong to an earlier run, are left out.
     """
-    found = [_read(name, text) for name in writers(folder, names) for text in _tail(folder / f"{name}.log", count)]
+    found = [_read(name, text) for name in logged_names(folder, names) for text in _tail(folder / f"{name}.log", count)]
     found = [line for line in found if line.at >= since]
     found.sort(key=lambda line: line.at)
     return found[-count:] if count else []
 
 
-def writers(folder: Path, names: Collection[str] = ()) -> list[str]:
-    """The names of these processes and systems (all, if none is named) that have files, as the files call them."""
+def logged_names(folder: Path, names: Collection[str] = ()) -> list[str]:
+    """The names of log files that belong to these processes and systems (to any, if none is named)."""
     chosen = {file_name(name) for name in names}
     there = sorted(path.stem for path in folder.glob("*.log"))
     return [stem for stem in there if not chosen or any(f"{stem}.".startswith(f"{name}.") for name in chosen)]
 
 
 def _read(name: str, written: str) -> Line:
-    """A line of a file. One that something else has written there has no time: it counts as the oldest."""
+    """A line of a file. A line of another program has no time and counts as the oldest."""
     if written.startswith("{"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
             told = json.loads(written)

@@ -158,7 +158,7 @@ def test_a_command_is_a_function_of_its_arguments_to_its_exit_code() -> None:
 
 LOST = """
 import signal
-from robocomp_py.cli.common import command, insist, signalled
+from robocomp_py.cli.common import command, raise_if_signalled, signalled
 
 class Last:
     def __del__(self):
@@ -168,7 +168,7 @@ class Last:
 def main(arguments=None):
     Last()
     print(signalled(), flush=True)
-    insist()
+    raise_if_signalled()
     print("nothing has come of it")
 
 raise SystemExit(main())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocomp_py.deploy.contracts import Prospect, Severed, outdated, prospect, severed
+from robocomp_py.deploy.contracts import BrokenLink, RestartEffect, broken_links, effect_of_restart, outdated
 from robocomp_py.deploy.launcher.notes import MOST_OPERATIONS, Contract, read
 from robocomp_py.runtime.notify import contract
 
@@ -20,25 +20,25 @@ LINKS = [
 def test_a_restart_with_a_new_contract_names_the_linked_instances() -> None:
     running = dict.fromkeys(("server", "one", "two"), OLD)
     current = dict.fromkeys(running, NEW)
-    link = Severed("I", "server", "one")
-    assert prospect(LINKS, running, current, ["one"]) == Prospect((link,), ("server", "two"))
-    assert prospect(LINKS, running, current, list(running)) == Prospect((), ())
+    link = BrokenLink("I", "server", "one")
+    assert effect_of_restart(LINKS, running, current, ["one"]) == RestartEffect((link,), ("server", "two"))
+    assert effect_of_restart(LINKS, running, current, list(running)) == RestartEffect((), ())
 
 
 def test_one_that_is_not_generated_anew_cannot_be_taken_along() -> None:
     running = dict.fromkeys(("server", "one", "two"), OLD)
-    assert prospect(LINKS, running, {"server": OLD, "one": NEW}, ["one"]).together == ()
+    assert effect_of_restart(LINKS, running, {"server": OLD, "one": NEW}, ["one"]).together == ()
 
 
 def test_what_is_broken_already_may_be_restarted() -> None:
     running = {"server": NEW, "one": OLD}
-    assert severed(LINKS, running) == [Severed("I", "server", "one")]
-    assert prospect(LINKS, running, running, ["one"]) == Prospect((), ())
+    assert broken_links(LINKS, running) == [BrokenLink("I", "server", "one")]
+    assert effect_of_restart(LINKS, running, running, ["one"]) == RestartEffect((), ())
 
 
 def test_an_operation_that_is_added_is_newer_but_hurts_clients_only_that_call_it() -> None:
-    assert severed(LINKS, {"server": MORE, "one": OLD}) == []
-    assert severed(LINKS, {"server": OLD, "one": MORE}) == [Severed("I", "server", "one")]
+    assert broken_links(LINKS, {"server": MORE, "one": OLD}) == []
+    assert broken_links(LINKS, {"server": OLD, "one": MORE}) == [BrokenLink("I", "server", "one")]
     assert outdated({"server": OLD, "one": OLD}, {"server": MORE, "one": OLD}) == {"server": ["I"]}
 
 

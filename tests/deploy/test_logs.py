@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.logs import KEPT, Form, Logs, recalled, writers
+from robocomp_py.deploy.logs import KEPT, Form, Logs, logged_names, past_lines
 from robocomp_py.deploy.ring import Line
 from robocomp_py.errors import DeploymentError
 
@@ -39,7 +39,7 @@ def test_lines_of_the_same_millisecond_are_recalled_in_the_order_in_which_they_c
     for line in said:
         logs.write(line)
     logs.close()
-    assert recalled(tmp_path, [], 3) == said
+    assert past_lines(tmp_path, [], 3) == said
 
 
 def test_lines_of_earlier_runs_are_left_out_where_only_the_newest_is_asked_for(tmp_path: Path) -> None:
@@ -50,9 +50,9 @@ def test_lines_of_earlier_runs_are_left_out_where_only_the_newest_is_asked_for(t
     with (tmp_path / "left.arm.log").open("a") as file:
         file.write("from elsewhere, without a time\n")
     newest = [Line(5.0, "left.arm", "of the second"), Line(6.0, "left.arm", "and more")]
-    assert recalled(tmp_path, ["left"], 10, since=5.0) == newest
-    assert recalled(tmp_path, [], 10)[0] == Line(0.0, "left.arm", "from elsewhere, without a time")
-    assert (writers(tmp_path), writers(tmp_path, ["lef"])) == (["left.arm"], [])
+    assert past_lines(tmp_path, ["left"], 10, since=5.0) == newest
+    assert past_lines(tmp_path, [], 10)[0] == Line(0.0, "left.arm", "from elsewhere, without a time")
+    assert (logged_names(tmp_path), logged_names(tmp_path, ["lef"])) == (["left.arm"], [])
 
 
 def test_a_name_is_no_path(logs: Logs) -> None:
@@ -84,10 +84,10 @@ def test_the_newest_lines_are_told_across_files_and_of_several_in_order(logs: Lo
         logs.write(Line(number, "noisy", f"{number} " + "x" * 1000))
         logs.write(Line(number + 0.5, "quiet", str(number)))
     assert (logs.folder / "noisy.log.1").exists()
-    newest = [text.split()[0] for _, _, text in recalled(logs.folder, ["noisy"], 20)]
+    newest = [text.split()[0] for _, _, text in past_lines(logs.folder, ["noisy"], 20)]
     assert newest == [str(number) for number in range(50, 70)]
-    assert [text.split()[0] for _, _, text in recalled(logs.folder, [], 4)] == ["68", "68", "69", "69"]
-    assert recalled(logs.folder, ["nobody"], 4) == []
+    assert [text.split()[0] for _, _, text in past_lines(logs.folder, [], 4)] == ["68", "68", "69", "69"]
+    assert past_lines(logs.folder, ["nobody"], 4) == []
 
 
 def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
@@ -95,7 +95,7 @@ def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
     for line in lines:
         logs.write(Line(1.0, "laser", line))
     kept = ["50 %100 % done", "a pageanother one", "\\u2028", "the last one"]
-    assert [text for _, _, text in recalled(logs.folder, ["laser"], 10)] == kept
+    assert [text for _, _, text in past_lines(logs.folder, ["laser"], 10)] == kept
 
 
 def test_what_a_full_disk_loses_is_told_once_and_counted(logs: Logs, caplog: pytest.LogCaptureFixture) -> None:

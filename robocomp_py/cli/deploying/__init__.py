@@ -1,1 +1,1 @@
-"""The commands of `rcdeploy`, a module each: what to parse, and one function to call. See `rcdeploy.COMMANDS`."""
+"""The commands of `rcdeploy`. Each is a module with `add_arguments` and `run`; see `rcdeploy.COMMANDS`."""

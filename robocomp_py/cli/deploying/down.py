@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE
-from .asking import add_network, asking
+from .connected import add_network, connected
 from .up import seconds
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    return asking(
+    return connected(
         options.network, lambda connection: _down(connection, options.grace), lambda: _end_kept(options.network)
     )
 

@@ -1,4 +1,4 @@
-"""`rcdeploy export`: a network as files for another engine that runs it."""
+"""`rcdeploy export`: write a network as files for systemd, compose or Kubernetes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     plan = planned(options)
     if not isinstance(plan, int):
         plan = guarded(plan, options)
-    if isinstance(plan, int):
+    if isinstance(plan, int):  # the exit code of an error, which has been printed
         return plan
     from ...deploy.exporters import EXPORTERS, write_export
     from ...errors import DeploymentError

@@ -8,8 +8,8 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ..common import FINE, complain, insist
-from .asking import add_network, asking, show
+from ..common import FINE, complain, raise_if_signalled
+from .connected import add_network, connected, show
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
@@ -25,8 +25,8 @@ examples:
   rcdeploy logs net.ddsl -f           ... and new lines as they come, until Ctrl-C or the network ends
   rcdeploy logs net.ddsl rcdeploy     the messages of rcdeploy itself
 
-Each line has its time; lines of an earlier day have the date, too. Of a network that does not run any more, the
-output of its newest run is shown, wherever --log-dir had it written.
+Each line has its time; lines of an earlier day have the date, too. For a network that is not running, the command
+shows the output of its newest run, also from a --log-dir.
 Exit status: 0 fine, 1 the network is not running and has left no logs, 2 usage
 """
 
@@ -40,7 +40,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    return asking(options.network, lambda connection: _print(connection, options), lambda: _print_past(options))
+    return connected(options.network, lambda connection: _print(connection, options), lambda: _print_past(options))
 
 
 def _print(connection: Connection, options: argparse.Namespace) -> int:
@@ -53,27 +53,27 @@ def _print(connection: Connection, options: argparse.Namespace) -> int:
 def _print_past(options: argparse.Namespace) -> int | None:
     """Print the logs of a network's last run; None if there are none."""
     from ...deploy.client import network_of
-    from ...deploy.logs import recalled, writers
+    from ...deploy.logs import logged_names, past_lines
     from ...deploy.place import Place, Run
 
     network = network_of(options.network)
     place = Place(network)
     run = place.last_run() or Run(place.logs, 0.0)
-    there = writers(run.logs)
+    there = logged_names(run.logs)
     if not there:
         if run.began:
             return complain(f"rcdeploy: {network} is not running, and its last logs in {run.logs} have been removed")
         return None
-    unknown = [name for name in options.names if not writers(run.logs, [name])]
+    unknown = [name for name in options.names if not logged_names(run.logs, [name])]
     if unknown:
         return complain(
             f"rcdeploy: {network} is not running, and {run.logs} has no logs of {', '.join(unknown)}; "
             f"it has logs of: {', '.join(there)}"
         )
     print(f"{network} is not running; these are the logs of its last run, from {run.logs}", file=sys.stderr)
-    past = recalled(run.logs, options.names, options.lines, run.began)
+    past = past_lines(run.logs, options.names, options.lines, run.began)
     if not past and options.lines:
-        print(f"{', '.join(options.names) or 'it'} printed nothing in that run", file=sys.stderr)
+        print(f"{', '.join(options.names) or network} printed nothing in that run", file=sys.stderr)
     _show(past)
     return FINE
 
@@ -87,7 +87,7 @@ def _show(lines: Iterable[Line]) -> None:
         when = clock_time(at) if full_time(at).startswith(today) else full_time(at)
         show([(f"{when} ", "dim"), (f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
         sys.stdout.flush()
-        insist()
+        raise_if_signalled()
 
 
 def _count(text: str) -> int:

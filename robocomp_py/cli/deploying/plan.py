@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
 from ..network import add_network
-from .asking import show
+from .connected import show
 from .guarding import add_keys, with_keys
 from .planning import planned
 

@@ -7,7 +7,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
-from .asking import add_network, asking
+from .connected import add_network, connected
 from .up import seconds
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ examples:
   rcdeploy restart net.ddsl laser camera  ... two of them
   rcdeploy restart net.ddsl left          ... all of a system
 
-What shares a process is restarted with it. If an interface has changed since the network was started, what uses it has
-to be restarted together. Exit status: 0 all are ready again, or have done their work; 1 one is not;
+Components that share a process restart together. If an interface has changed since the network started, restart all
+components that use it in one command. Exit status: 0 all are ready again, or have done their work; 1 one is not;
 2 usage; 3 its host is out of reach
 """
 
@@ -33,19 +33,23 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_network(to)
     to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
     to.add_argument(
-        "--within", type=seconds, default=60.0, metavar="SECONDS", help="for how long to wait for it (default: 60)"
+        "--within",
+        type=seconds,
+        default=60.0,
+        metavar="SECONDS",
+        help="time to wait until it is ready (default: 60)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    return asking(options.network, lambda connection: _restart(connection, options))
+    return connected(options.network, lambda connection: _restart(connection, options))
 
 
 def _restart(connection: Connection, options: argparse.Namespace) -> int:
     from ...deploy.client import restart
     from ...deploy.policy import State
 
-    if why := _hindrance(connection, options):
+    if why := _contract_conflict(connection, options):
         return complain(f"rcdeploy: {why}")
     done = restart(connection, options.names, options.within, _tell)
     failed = [each for each in done if each.state is State.FAILED]
@@ -57,7 +61,7 @@ def _restart(connection: Connection, options: argparse.Namespace) -> int:
     return 1 if failed else FINE
 
 
-def _hindrance(connection: Connection, options: argparse.Namespace) -> str:
+def _contract_conflict(connection: Connection, options: argparse.Namespace) -> str:
     """Why restarted instances could not communicate with those that keep running; "" if they can."""
     from ...deploy import contracts
     from ...deploy.client import running_plan
@@ -66,10 +70,10 @@ def _hindrance(connection: Connection, options: argparse.Namespace) -> str:
     plan, processes = running_plan(connection.network) or {}, connection.status().processes
     running, current = contracts.running_contracts(processes), contracts.generated_contracts(plan)
     asked = [name for each in meant(options.names, processes) for name in each.instances]
-    found = contracts.prospect(plan.get("links", ()), running, current, asked)
-    if not found.severed:
+    found = contracts.effect_of_restart(plan.get("links", ()), running, current, asked)
+    if not found.broken:
         return ""
-    links = "\n".join(f"  {each.client} uses {each.interface} of {each.provider}" for each in found.severed)
+    links = "\n".join(f"  {each.client} uses {each.interface} of {each.provider}" for each in found.broken)
     says = f"nothing was restarted: these would then have different contracts:\n{links}\n"
     if not found.together:
         return f"{says}Generate them from the same interfaces: rcgen NET.ddsl"

@@ -10,8 +10,8 @@ import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ..common import FINE, UNREACHABLE, USAGE, WRONG, insist
-from .asking import NETWORK, asking, show
+from ..common import FINE, UNREACHABLE, USAGE, WRONG, raise_if_signalled
+from .connected import NETWORK, connected, show
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     from ...deploy.client import networks
 
     if options.network:
-        return asking(options.network, lambda connection: _show(connection, options))
+        return connected(options.network, lambda connection: _show(connection, options))
     for option, is_given in (("--watch", options.watch), ("--ports", options.ports)):
         if is_given:
             print(f"rcdeploy status: {option} needs a network", file=sys.stderr)
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     found = networks()
     if not found and not options.json:
         print("none of your networks is running on this machine")
-    return max((asking(each, lambda connection: _tell(connection, options.json)) for each in found), default=FINE)
+    return max((connected(each, lambda connection: _tell(connection, options.json)) for each in found), default=FINE)
 
 
 def _show(connection: Connection, options: argparse.Namespace) -> int:
@@ -65,11 +65,11 @@ def _show(connection: Connection, options: argparse.Namespace) -> int:
         snapshot = connection.status()
         plan = running_plan(snapshot.network) or {}
         _print(snapshot, plan.get("ways", []) if options.ports else None, options)
-        is_severed = _tell_contracts(snapshot, options)
+        is_broken = _tell_contracts(snapshot, options)
         sys.stdout.flush()
         if not options.watch:
-            return _code(snapshot) or (WRONG if is_severed else FINE)
-        insist()
+            return _code(snapshot) or (WRONG if is_broken else FINE)
+        raise_if_signalled()
         time.sleep(_EVERY_S)
 
 
@@ -80,13 +80,13 @@ def _tell_contracts(snapshot: Snapshot, options: argparse.Namespace) -> bool:
 
     plan = running_plan(snapshot.network) or {}
     running = contracts.running_contracts(snapshot.processes)
-    severed = contracts.severed(plan.get("links", ()), running)
+    broken = contracts.broken_links(plan.get("links", ()), running)
     if options.json:
-        return bool(severed)
+        return bool(broken)
     outdated = contracts.outdated(running, contracts.generated_contracts(plan))
-    for line in contracts.sentences(options.network, severed, outdated):
-        show([(line, "bold red" if severed else "yellow")])
-    return bool(severed)
+    for line in contracts.sentences(options.network, broken, outdated):
+        show([(line, "bold red" if broken else "yellow")])
+    return bool(broken)
 
 
 def _tell(connection: Connection, as_json: bool) -> int:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..common import UNREACHABLE, complain, insist
+from ..common import UNREACHABLE, complain, raise_if_signalled
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
@@ -22,8 +22,8 @@ def add_network(to: argparse.ArgumentParser) -> None:
     to.add_argument("network", metavar=NETWORK, help="the network, by its file or by its name")
 
 
-def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[], int | None] | None = None) -> int:
-    """Call `deed` with the connection to a running network. Prints an error, with advice, if that fails.
+def connected(network: str, action: Callable[[Connection], int], absent: Callable[[], int | None] | None = None) -> int:
+    """Call `action` with the connection to a running network. Prints an error, with advice, if that fails.
 
     `absent` may handle a network that does not run here; then it returns the exit code.
     """
@@ -33,8 +33,8 @@ def asking(network: str, deed: Callable[[Connection], int], absent: Callable[[],
     try:
         try:
             with Connection(network_of(network)) as connection:
-                insist()  # on a signal that came meanwhile: some of these run without end
-                return deed(connection)
+                raise_if_signalled()  # on a signal that came meanwhile: some of these run without end
+                return action(connection)
         except NotRunning:
             if absent and (code := absent()) is not None:
                 return code
