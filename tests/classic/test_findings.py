@@ -240,10 +240,10 @@ def test_what_proxies_of_ice_have_is_understood(arm: Path, called: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("print 'hello'\ndef (:", "2to3 can make it from: Missing parentheses in call to 'print'"),
+        ("print 'hello'\ndef (:", "2to3 cannot convert it: Missing parentheses in call to 'print'"),
         ("class Other: pass\n", "there is no class SpecificWorker in it"),
         ("", "there is no class SpecificWorker in it"),
-        ("\0", "this is neither Python 3"),
+        ("\0", "not valid Python 3"),
     ],
 )
 def test_a_worker_that_cannot_be_read_is_said_to_be_so(arm: Path, text: str, said: str) -> None:

@@ -205,9 +205,9 @@ def test_paths_of_another_machine_are_found_below_the_folder_the_file_is_in(robo
     [
         (up("cd x &amp;&amp; bin/laser"), "only a shell understands `cd x && bin/laser`"),
         (up("bin/laser 'a"), "only a shell understands"),
-        (up("bin/laser &quot;a\\&quot;b&quot;"), "has quotes in it, which DDSL has not"),
+        (up("bin/laser &quot;a\\&quot;b&quot;"), "has quotes, which DDSL cannot express"),
         ("", "nothing says how it is started"),
-        ('<dependence alias="ghost"/>', "it depends on `ghost`, which is not there"),
+        ('<dependence alias="ghost"/>', "it depends on `ghost`, which does not exist"),
         ('<dependence alias="eyes"/>', "it depends on `eyes`, which depends on it: left out"),
         ("<speed/>", "<speed> is not understood"),
         (up("rcremote -oProxyCommand=x t /x bin/laser"), "-oProxyCommand=x is not the address of a host"),
@@ -246,13 +246,13 @@ def test_the_broker_of_topics_is_not_needed(tmp_path: Path) -> None:
 def test_invalid_names_are_changed_and_stay_distinct(tmp_path: Path) -> None:
     nodes = (node("my eye", up("a")), node("my-eye", up("b")), node("2nd", '<dependence alias="my-eye"/>', up("c")))
     text = imported(rcmanager(*nodes), tmp_path)
-    assert "// line 2: it is called `my eye` there" in clauses(text, "my_eye")
+    assert "// line 2: its name was `my eye`" in clauses(text, "my_eye")
     assert "dependences my_eye_2;" in clauses(text, "_2nd")
 
 
 def test_names_keep_their_letters_without_accents(tmp_path: Path) -> None:
     text = imported(rcmanager(node("cámara-ñ", up("a"))), tmp_path)
-    assert "// line 2: it is called `cámara-ñ` there" in clauses(text, "camara_n")
+    assert "// line 2: its name was `cámara-ñ`" in clauses(text, "camara_n")
 
 
 def test_what_is_inside_of_something_that_is_not_understood_is_not_listed(tmp_path: Path) -> None:
@@ -264,13 +264,13 @@ def test_what_is_inside_of_something_that_is_not_understood_is_not_listed(tmp_pa
 def test_a_port_is_given_to_the_first_that_wants_it(tmp_path: Path) -> None:
     text = imported(rcmanager(node("a", endpoint="a:tcp -p 10001"), node("b", endpoint="b:tcp -p 10001")), tmp_path)
     assert "port 10001;" in clauses(text, "a")
-    assert "// line 3: its port, 10001, is that of `a`, too" in clauses(text, "b")
+    assert "// line 3: its port, 10001, is also the port of `a`" in clauses(text, "b")
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "9" * 5000])
 def test_an_invalid_port_is_left_out(port: str, tmp_path: Path) -> None:
     text = imported(rcmanager(node("a", endpoint=f"a:tcp -p {port}")), tmp_path)
-    assert any("is none" in line for line in clauses(text, "a"))
+    assert any("is not from 1 to 65535" in line for line in clauses(text, "a"))
     assert "\n        port " not in text
 
 
@@ -278,7 +278,7 @@ def test_components_that_are_called_alike_are_said_to_be(robot: Path) -> None:
     (robot / "driver" / "driver.cdsl").write_text('import "Laser.idsl";\n' + LASER)
     folders = [f'<workingDir path="{robot}/{each}"/>' for each in ("laser", "driver")]
     text = imported(rcmanager(*(node(f"a{n}", each, up("src/a.py")) for n, each in enumerate(folders))), robot)
-    assert "// line 3: laser/laser.cdsl describes a `laserComp`, too: rename one of them" in clauses(text, "a1")
+    assert "// line 3: laser/laser.cdsl also describes a `laserComp`: rename one of them" in clauses(text, "a1")
 
 
 def test_no_comment_can_be_left(tmp_path: Path) -> None:
@@ -297,13 +297,13 @@ WRONG = [
     (
         "net.xml",
         "<rcmanager>\n <node alias='a'>\n</rcmanager>",
-        "net.xml:3:3: error[bad-import]: this is no XML: mismatched tag",
+        "net.xml:3:3: error[bad-import]: not valid XML: mismatched tag",
     ),
-    ("net.xml", "", "net.xml:1:1: error[bad-import]: this is no XML: there is nothing in it"),
+    ("net.xml", "", "net.xml:1:1: error[bad-import]: not valid XML: there is nothing in it"),
     (
         "net.xml",
         "<rcmanager>\n<node alias='a'>",
-        "net.xml:2:17: error[bad-import]: this is no XML: it ends inside of <node>",
+        "net.xml:2:17: error[bad-import]: not valid XML: it ends inside of <node>",
     ),
     (
         "net.xml",

@@ -14,13 +14,13 @@ from ...contract.interface import Verb
 from ...deploy.hosts.addresses import is_own
 from ...dsl.ddsl.hosts import is_address, is_user
 from .finding import Finder, Found
-from .programs import HERE, CommandLine, Listing, Program, Said, address, command_line
+from .programs import HERE, CommandLine, Listing, Program, Text, address, command_line
 
 WIDTH = 120
 
-_PICTURE = (
-    "Left out everywhere: what only the window of rcmanager showed (positions, colours, configFile), and downCommand, "
-    "for rcdeploy stops what it has started."
+_LEFT_OUT = (
+    "Left out everywhere: data for rcmanager's window (positions, colours, configFile), and downCommand, because "
+    "rcdeploy stops what it has started."
 )
 
 
@@ -50,13 +50,13 @@ class _Writer:
         self._instances = self._named([each for each in listing.programs if each not in brokers])
 
     def lines(self) -> Iterator[str]:
-        yield from _comment(f"Made from {self._listing.path} by rcdeploy --import; from now on it is yours.")
+        yield from _comment(f"Made from {self._listing.path} by rcdeploy --import. This file is yours.")
         if self._listing.path.lower().endswith(".xml"):
-            yield from _comment(_PICTURE)
+            yield from _comment(_LEFT_OUT)
         yield from _remarks(self._listing.notes, "")
         for each in self._brokers.values():
             message = f"`{each.name}` is the broker of IceStorm; rcdeploy runs one where topics go over Ice"
-            yield from _remarks([Said(message, each.line)], "")
+            yield from _remarks([Text(message, each.line)], "")
         yield ""
         paths = {self._path(each.found.cdsl): None for each in self._instances if each.found}
         yield from (f'import "{path}";' for path in paths)
@@ -89,7 +89,7 @@ class _Writer:
     def _named(self, programs: list[Program]) -> list[_Instance]:
         instances: list[_Instance] = []
         taken: set[str] = set()
-        called: dict[str, _Instance] = {}
+        by_name: dict[str, _Instance] = {}
         for program in programs:
             wanted = _identifier(program.name)
             name, number = wanted, 1
@@ -100,16 +100,16 @@ class _Writer:
             folder = program.folder or _folder_of(program)
             found = self._finder.component(folder) if folder else None
             if found and not _fits_quotes(self._path(found.cdsl)):
-                program.notes.append(Said("the path of its .cdsl has signs in it that DDSL has not", program.line))
+                program.notes.append(Text("the path of its .cdsl has characters that DDSL cannot quote", program.line))
                 found = None
             instance = _Instance(program, name, found, self._host(program))
             if name != program.name:
-                program.notes.append(Said(f"it is called `{program.name}` there", program.line))
-            called.setdefault(program.name, instance)
+                program.notes.append(Text(f"its name was `{program.name}`", program.line))
+            by_name.setdefault(program.name, instance)
             instances.append(instance)
         for instance in instances:
-            self._depend(instance, called)
-            self._tell_apart(instance, instances)
+            self._depend(instance, by_name)
+            self._note_clash(instance, instances)
         return instances
 
     def _host(self, program: Program) -> str:
@@ -117,40 +117,40 @@ class _Writer:
         where = address(program.endpoint.text) if program.endpoint else address("")
         said = program.host or where.host
         if program.host and where.host and program.host != where.host:
-            program.notes.append(Said(f"its endpoint is on {where.host}", program.line))
+            program.notes.append(Text(f"its endpoint is on {where.host}", program.line))
         user, at, there = said.rpartition("@")
         if not there or there in HERE or is_own(there):
             return ""
         if not is_address(there) or (at and not is_user(user)):
-            program.notes.append(Said(f"{said} is not the address of a host", program.line))
+            program.notes.append(Text(f"{said} is not the address of a host", program.line))
             return ""
         name = _identifier(there)
         return self._hosts.setdefault(said, name if name[0] != "_" else f"host{name}")
 
-    def _tell_apart(self, instance: _Instance, instances: list[_Instance]) -> None:
-        """Note a clash: a network can have only one component of a name."""
+    def _note_clash(self, instance: _Instance, instances: list[_Instance]) -> None:
+        """Note that two CDSL files describe components of the same name; a network can have only one of them."""
         for other in instances:
             if other.found and instance.found and other.found.name.lower() == instance.found.name.lower():
                 if other.found.cdsl != instance.found.cdsl:
                     message = (
-                        f"{self._path(other.found.cdsl)} describes a `{other.found.name}`, too: rename one of them"
+                        f"{self._path(other.found.cdsl)} also describes a `{other.found.name}`: rename one of them"
                     )
-                    instance.program.notes.append(Said(message, instance.program.line))
+                    instance.program.notes.append(Text(message, instance.program.line))
                 return
 
-    def _depend(self, instance: _Instance, called: dict[str, _Instance]) -> None:
+    def _depend(self, instance: _Instance, by_name: dict[str, _Instance]) -> None:
         notes = instance.program.notes
         for need in instance.program.needs:
-            other = called.get(need.text)
+            other = by_name.get(need.text)
             if other is None:
                 if need.text not in self._brokers:
-                    notes.append(Said(f"it depends on `{need.text}`, which is not there", need.line))
-            elif other is instance or _reaches(other, instance, called):
-                notes.append(Said(f"it depends on `{need.text}`, which depends on it: left out", need.line))
+                    notes.append(Text(f"it depends on `{need.text}`, which does not exist", need.line))
+            elif other is instance or _reaches(other, instance, by_name):
+                notes.append(Text(f"it depends on `{need.text}`, which depends on it: left out", need.line))
             elif other.name not in instance.dependences:
                 instance.dependences.append(other.name)
 
-    # One of them.
+    # One component.
 
     def _component(self, instance: _Instance) -> Iterator[str]:
         found = instance.found
@@ -168,15 +168,15 @@ class _Writer:
         if instance.found is None:
             where = f"is in {program.folder}" if program.folder else "is there"
             message = f"no .cdsl {where}: write one with what it requires and implements, and import it"
-            program.notes.append(Said(message, program.line))
+            program.notes.append(Text(message, program.line))
         command = command_line(program.command.text) if program.command else None
         if program.command is None:
-            program.notes.append(Said("nothing says how it is started", program.line))
+            program.notes.append(Text("nothing says how it is started", program.line))
         elif command is None:
             message = f"only a shell understands `{program.command.text}`: write it into a script, and give its path"
-            program.notes.append(Said(message, program.command.line))
+            program.notes.append(Text(message, program.command.line))
         elif instance.found and (command.python or instance.found.python):
-            yield from self._component_of_ours(program, program.command, command)
+            yield from self._python_component(program, program.command, command)
         else:
             yield from self._other_program(program.command, program, command)
             yield from self._over_ice(instance, command)
@@ -187,27 +187,27 @@ class _Writer:
             yield f"dependences {', '.join(instance.dependences)}"
         yield from self._address(instance)
 
-    def _component_of_ours(self, program: Program, said: Said, command: CommandLine) -> Iterator[str]:
-        """For a component in Python only the configuration is needed: rcdeploy starts it as a component."""
-        program.notes.append(Said(f"it was started by `{said.text}`", said.line))
+    def _python_component(self, program: Program, said: Text, command: CommandLine) -> Iterator[str]:
+        """The clauses for a component in Python: only its configuration, because rcdeploy knows how to start it."""
+        program.notes.append(Text(f"it was started by `{said.text}`", said.line))
         configurations = [each for each in map(_configuration, command.arguments) if each]
         others = [each for each in command.arguments if not _configuration(each)]
         for path in configurations[:1]:
             there = self._finder.here(self._joined(program, path))
             if there is None or not there.is_file():
-                program.notes.append(Said(f"its configuration {path} is not on this machine", said.line))
+                program.notes.append(Text(f"its configuration {path} is not on this machine", said.line))
             elif not _fits_quotes(self._path(there)):
                 program.notes.append(
-                    Said(f"the path of its configuration {path} has signs that DDSL has not", said.line)
+                    Text(f"the path of its configuration {path} has characters that DDSL cannot quote", said.line)
                 )
             else:
                 yield f"config {_quoted(self._path(there))}"
         if others or configurations[1:]:
             left = " ".join([*others, *configurations[1:]])
-            program.notes.append(Said(f"the arguments {left} are left out", said.line))
+            program.notes.append(Text(f"the arguments {left} are left out", said.line))
 
-    def _other_program(self, said: Said, program: Program, command: CommandLine) -> Iterator[str]:
-        """The command, run by `env`, which searches the PATH like the shell, in its folder."""
+    def _other_program(self, said: Text, program: Program, command: CommandLine) -> Iterator[str]:
+        """The clauses for another program: its command is run by `env`, which searches the PATH as a shell does."""
         path, words = "/usr/bin/env", list(command.words)
         if program.folder:
             there = self._finder.here(program.folder)
@@ -216,8 +216,8 @@ class _Writer:
             path, *words = words
             path = str(self._finder.here(path) or self._finder.expanded(path))
         if not all(map(_fits_quotes, (path, *words))):
-            message = f"`{said.text}` has quotes in it, which DDSL has not: write it into a script, and give its path"
-            program.notes.append(Said(message, said.line))
+            message = f"`{said.text}` has quotes, which DDSL cannot express: write it into a script, and give its path"
+            program.notes.append(Text(message, said.line))
             return
         yield f'path "{path}"'
         if words:
@@ -236,7 +236,7 @@ class _Writer:
             yield f"config {_quoted(self._path(there))}"
 
     def _wirings(self, instance: _Instance, command: CommandLine | None) -> Iterator[str]:
-        """If several instances offer an interface: the source whose port its configuration names."""
+        """Sources of interfaces that several instances implement: the one whose port is in the configuration."""
         arguments = [path for path in map(_configuration, command.arguments if command else ()) if path]
         there = self._finder.here(self._joined(instance.program, arguments[0])) if arguments else None
         if instance.found is None or there is None or not there.is_file():
@@ -258,13 +258,13 @@ class _Writer:
         where = address(program.endpoint.text) if program.endpoint else address("")
         line = program.endpoint.line if program.endpoint else program.line
         if program.endpoint and not where.port:
-            program.notes.append(Said(f"its endpoint {program.endpoint.text} has no port", line))
+            program.notes.append(Text(f"its endpoint {program.endpoint.text} has no port", line))
         if where.port and (len(where.port) > len("65535") or not 1 <= int(where.port) <= 65535):
-            program.notes.append(Said(f"its port, {where.port}, is none", line))
+            program.notes.append(Text(f"its port, {where.port}, is not from 1 to 65535", line))
         elif where.port:
             first = self._ports.setdefault((instance.host, where.port), instance.name)
             if first != instance.name:
-                program.notes.append(Said(f"its port, {where.port}, is that of `{first}`, too", line))
+                program.notes.append(Text(f"its port, {where.port}, is also the port of `{first}`", line))
                 return
             if where.host in HERE and not instance.host:
                 yield f"ip {where.host if re.fullmatch(r'[a-z]+', where.host) else _quoted(where.host)}"
@@ -304,9 +304,9 @@ def _is_broker(program: Program) -> bool:
     return endpoint.startswith("IceStorm/") or (command is not None and command.name in ("rcnode", "icebox"))
 
 
-def _reaches(start: _Instance, end: _Instance, called: dict[str, _Instance]) -> bool:
-    """Whether one depends on another, by what was converted so far."""
-    named = {each.name: each for each in called.values()}
+def _reaches(start: _Instance, end: _Instance, by_name: dict[str, _Instance]) -> bool:
+    """Whether one depends on another, directly or indirectly, by the dependences converted so far."""
+    named = {each.name: each for each in by_name.values()}
     waiting, seen = [start], set[str]()
     while waiting:
         each = waiting.pop()
@@ -319,21 +319,21 @@ def _reaches(start: _Instance, end: _Instance, called: dict[str, _Instance]) -> 
 
 
 def _folder_of(program: Program) -> str:
-    """The folder of a program with an absolute path."""
+    """The folder of a program whose command has an absolute path; otherwise ""."""
     command = command_line(program.command.text) if program.command else None
-    whole = command is not None and command.file.startswith(("/", "~"))
-    return str(PurePosixPath(command.file).parent) if command and whole else ""
+    is_absolute = command is not None and command.file.startswith(("/", "~"))
+    return str(PurePosixPath(command.file).parent) if command and is_absolute else ""
 
 
 def _configuration(argument: str) -> str:
-    """The file that an argument of a component of RoboComp names."""
+    """The configuration file that an argument of a RoboComp component names; "" if it names none."""
     if argument.startswith("--Ice.Config="):
         return argument.partition("=")[2]
     return "" if argument.startswith("-") else argument
 
 
 def _identifier(text: str) -> str:
-    """The name nearest to a text: `cámara` becomes `camara`."""
+    """The valid name that is most similar to a text: `cámara` becomes `camara`."""
     bare = "".join(char for char in unicodedata.normalize("NFKD", text) if not unicodedata.combining(char))
     found = re.sub(r"[^A-Za-z0-9_]+", "_", bare).strip("_")
     return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
@@ -348,13 +348,13 @@ def _quoted(text: str) -> str:
     return f'"{text}"'
 
 
-def _remarks(notes: Iterable[Said], margin: str) -> Iterator[str]:
+def _remarks(notes: Iterable[Text], margin: str) -> Iterator[str]:
     for each in notes:
         yield from _comment(f"line {each.line}: {each.text}", margin)
 
 
 def _comment(text: str, margin: str = "") -> Iterator[str]:
-    """A comment; characters that would end a line, or join two, become blanks."""
+    """A wrapped comment. Characters that would end its line, or join it with the next, become blanks."""
     plain = "".join(char if char.isprintable() else " " for char in text)
     width = WIDTH - len(margin) - 3
     for line in textwrap.wrap(plain, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False):

@@ -9,8 +9,8 @@ from pathlib import PurePosixPath
 
 
 @dataclass(frozen=True)
-class Said:
-    """A text and its line in the file."""
+class Text:
+    """A text of the imported file, or a note about it, with its line."""
 
     text: str
     line: int
@@ -20,26 +20,26 @@ class Said:
 class Program:
     name: str
     line: int
-    command: Said | None = None
+    command: Text | None = None
     folder: str = ""
     """Its working directory; "" if the file does not name it."""
     host: str = ""
     """Its host, if not this one."""
-    endpoint: Said | None = None
+    endpoint: Text | None = None
     """Its proxy in Ice, such as `laser:tcp -h localhost -p 10003`."""
-    needs: list[Said] = field(default_factory=list)
+    needs: list[Text] = field(default_factory=list)
     """The names of the programs that must run before."""
-    notes: list[Said] = field(default_factory=list)
+    notes: list[Text] = field(default_factory=list)
     """What could not be converted."""
 
 
 @dataclass
 class Listing:
-    """A file."""
+    """The content of the imported file."""
 
     path: str
     programs: list[Program] = field(default_factory=list)
-    notes: list[Said] = field(default_factory=list)
+    notes: list[Text] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from xml.parsers import expat
 
 from ...dsl.diagnostics import Report
 from ...dsl.source import Source
-from .programs import HERE, Listing, Program, Said
+from .programs import HERE, Listing, Program, Text
 
 _WITHOUT_EFFECT = ("xpos", "ypos", "radius", "color", "downCommand", "configFile")
 """Elements without effect: position in the picture, command to stop, files for the editor."""
@@ -25,7 +25,7 @@ def read_rcmanager(source: Source, report: Report) -> Listing | None:
     try:
         return reader.read()
     except expat.ExpatError as exc:
-        message, line, column = f"this is no XML: {reader.wrong(exc)}", exc.lineno, exc.offset
+        message, line, column = f"not valid XML: {reader.wrong(exc)}", exc.lineno, exc.offset
     except _Refused as exc:
         message, line, column = str(exc), exc.line, exc.column
     at = sum(len(each) for each in source.text.splitlines(keepends=True)[: line - 1]) + column
@@ -73,16 +73,16 @@ class _Reader:
             case [_]:
                 raise self._refused(f"the first element is <{element}>; that of rcmanager is <rcmanager>")
             case ["rcmanager", "generalInformation", *_]:
-                pass  # how its window looks
+                pass  # the look of its window
             case ["rcmanager", "node"]:
                 self._node = self._program(attributes, line)
                 self._listing.programs.append(self._node)
             case ["rcmanager", "node", _] if self._node:
                 self._part(self._node, element, attributes, line)
             case [_, _]:
-                self._listing.notes.append(Said(f"<{element}> is not understood", line))
+                self._listing.notes.append(Text(f"<{element}> is not understood", line))
             case _:
-                pass  # inside of what has been said not to be understood, or has no effect
+                pass  # inside an element that has been reported, or has no effect
 
     def _end(self, element: str) -> None:
         self._inside.pop()
@@ -92,19 +92,19 @@ class _Reader:
         endpoint = attributes.pop("endpoint", "").strip()
         if not name:
             raise self._refused("this <node> has no alias")
-        others = [Said(f"the attribute {key}='{value}' is not understood", line) for key, value in attributes.items()]
-        return Program(name, line, endpoint=Said(endpoint, line) if endpoint else None, notes=others)
+        others = [Text(f"the attribute {key}='{value}' is not understood", line) for key, value in attributes.items()]
+        return Program(name, line, endpoint=Text(endpoint, line) if endpoint else None, notes=others)
 
     def _part(self, node: Program, element: str, attributes: dict[str, str], line: int) -> None:
         match element:
             case "dependence":
-                node.needs.append(Said(attributes.get("alias", "").strip(), line))
+                node.needs.append(Text(attributes.get("alias", "").strip(), line))
             case "workingDir":
                 node.folder = node.folder or attributes.get("path", "").strip()
             case "upCommand":
                 _set_command(node, attributes.get("command", "").strip(), line)
             case _ if element not in _WITHOUT_EFFECT:
-                node.notes.append(Said(f"<{element}> is not understood", line))
+                node.notes.append(Text(f"<{element}> is not understood", line))
 
     def _refused(self, message: str) -> _Refused:
         return _Refused(message, self._parser)
@@ -117,4 +117,4 @@ def _set_command(node: Program, text: str, line: int) -> None:
         _, host, _, node.folder, text = words
         node.host = "" if host in HERE else host
     if text:
-        node.command = Said(text, line)
+        node.command = Text(text, line)

@@ -15,20 +15,20 @@ from functools import cache, lru_cache
 from typing import Any
 
 _CONVERTERS = ("lib2to3", "fissix")
-"""The first is part of Python up to 3.12; the second is its successor, for later ones."""
+"""The first is part of Python up to 3.12; the second replaces it in later versions."""
 
 
 class NotConverted(SyntaxError):
-    """A text cannot be read as, or converted to, Python 3. It has the attributes of the first SyntaxError."""
+    """A text is not Python 3 and cannot be converted. It has the attributes of the original SyntaxError."""
 
     @property
     def why(self) -> str:
         """The message for the author of the file."""
         if _tool() is not None:
-            return f"this is neither Python 3 nor something that 2to3 can make it from: {self.msg}"
+            return f"not valid Python 3, and 2to3 cannot convert it: {self.msg}"
         return (
-            f"this is no Python 3 ({self.msg}); if it is Python 2, this Python "
-            f"({sys.version_info.major}.{sys.version_info.minor}) has no converter for it: pip install fissix "
+            f"not valid Python 3 ({self.msg}); if it is Python 2, install a converter for Python "
+            f"{sys.version_info.major}.{sys.version_info.minor}: pip install fissix "
             "(Debian, up to Python 3.12: apt-get install python3-lib2to3)"
         )
 
@@ -45,11 +45,11 @@ def as_python3(text: str, name: str) -> tuple[str, bool]:
 
 def parsed(text: str, name: str) -> ast.Module:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about escapes in its strings
+        warnings.simplefilter("ignore")  # for example about escapes in strings
         return ast.parse(text, name)
 
 
-def _converted(text: str, name: str, why: SyntaxError | ValueError) -> str:
+def _converted(text: str, name: str, original: SyntaxError | ValueError) -> str:
     for attempt in (_untabbed(text), _by_2to3(text), _by_2to3(_untabbed(text))):
         try:
             if attempt is not None:
@@ -57,7 +57,7 @@ def _converted(text: str, name: str, why: SyntaxError | ValueError) -> str:
                 return attempt
         except (SyntaxError, ValueError):
             continue
-    raise NotConverted(*why.args) from why
+    raise NotConverted(*original.args) from original
 
 
 def _untabbed(text: str) -> str:
@@ -86,6 +86,6 @@ def _tool() -> Any:
             except ImportError:
                 continue
             tool = refactor.RefactoringTool(refactor.get_fixers_from_package(f"{package}.fixes"))
-            tool.logger.disabled = True  # users need not know which fixers it left out
+            tool.logger.disabled = True  # it logs which optional fixers it skips
             return tool
     return None

@@ -285,7 +285,7 @@ def test_a_library_that_is_missing_is_named_with_what_to_do(tmp_path: Path, line
     [
         ("class Other: pass\n", "has no class SpecificWorker"),
         ("class SpecificWorker: pass\n", "has no class SpecificWorker(GenericWorker)"),
-        ("def broken(:\n", "specificworker.py:1: this is neither Python 3 nor something that 2to3 can make it from"),
+        ("def broken(:\n", "specificworker.py:1: not valid Python 3, and 2to3 cannot convert it"),
         ("from genericworker import *\n1 / 0\nclass SpecificWorker: pass\n", "specificworker.py"),
         (BARE.replace("startup_check=False", "fullscreen"), "give `fullscreen` a default"),
     ],
@@ -306,7 +306,7 @@ def test_an_unreadable_file_fails_only_the_code_that_imports_it(tmp_path: Path) 
         arm.call("Arm.joints", 0)
     worker = folder / "src" / "specificworker.py"
     worker.write_text(f"import left_over\n{worker.read_text()}")
-    with pytest.raises(ComponentError, match=r"left_over\.py:1: this is neither Python 3"):
+    with pytest.raises(ComponentError, match=r"left_over\.py:1: not valid Python 3"):
         running(folder)
 
 

@@ -17,8 +17,8 @@ from typing import Any, Protocol, TypeVar
 from ....runtime.clock import ns
 from ....runtime.lifecycle import Beat
 from ....runtime.worker import Front
-from .alone import Alone
 from .needs import Need, need
+from .standin import StandInLoop
 
 __all__ = ["Loop", "LoopBeat", "Need", "need", "open_loop"]
 
@@ -97,7 +97,7 @@ def open_loop(
     gets exceptions of slots. `folder` holds its .ui files. Raises ComponentError if PySide6 is needed but missing.
     """
     if not need:
-        return Alone(wake, quit, outside, tell)
+        return StandInLoop(wake, quit, outside, tell)
     from .real import Real  # imports PySide6
 
     return Real(need, tell, folder, name, outside)

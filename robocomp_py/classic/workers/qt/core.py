@@ -1,4 +1,4 @@
-"""The stand-in for the parts of QtCore that components without windows use: objects, signals, slots, timers, mutexes.
+"""A stand-in for the parts of QtCore that components without windows use: objects, signals, slots, timers, mutexes.
 
 It behaves like PySide2 and PySide6:
 
@@ -6,8 +6,8 @@ It behaves like PySide2 and PySide6:
     a signal emitted on the component's own thread calls its slots at once; on another thread, it queues the calls
     an exception of a slot is logged, and does not reach other slots or the emitter; SystemExit passes
 
-Components that use more get real Qt (needs.py decides). The classes are made for each component, because each has its
-own agenda.
+Components that use more get real Qt (`needs.py` decides). `core` makes the classes anew for each component, because
+each has its own agenda of queued calls and timers.
 """
 
 from __future__ import annotations
@@ -30,8 +30,11 @@ from .mutex import MutexSet, mutexes
 Slot_ = Callable[..., Any]
 
 
-class Place:
-    """The agenda and the thread of one component's objects."""
+class EventContext:
+    """The agenda and the thread of one component's objects.
+
+    `tell` logs an exception of a slot, `quit` ends the component, and `outside` leaves the worker's monitor.
+    """
 
     def __init__(
         self,
@@ -146,8 +149,8 @@ class BoundSignal:
         kind = int(type)
         if kind & Qt.UniqueConnection and any(each.slot == slot for each in self._connections):
             return False
-        taken = _Connection(slot, call, _takes(call), kind & ~Qt.UniqueConnection)
-        self._connections = [*self._connections, taken]
+        made = _Connection(slot, call, _takes(call), kind & ~Qt.UniqueConnection)
+        self._connections = [*self._connections, made]
         return True
 
     def disconnect(self, slot: Any = None) -> bool:
@@ -164,15 +167,15 @@ class BoundSignal:
             raise TypeError(f"{self._name}({wanted}) needs {len(self._types)} argument(s), {len(arguments)} given")
         if self._owner._qt_blocked:
             return False
-        place = self._owner._qt_place
+        context = self._owner._qt_context
         for each in self._connections:
             given = arguments[: int(min(each.takes, len(arguments)))]
-            call = partial(place.attempt, self._owner, partial(each.call, *given))
-            at_once = place.here if each.kind == Qt.AutoConnection else each.kind == Qt.DirectConnection
+            call = partial(context.attempt, self._owner, partial(each.call, *given))
+            at_once = context.here if each.kind == Qt.AutoConnection else each.kind == Qt.DirectConnection
             if at_once:
                 call()
             else:
-                place.agenda.post(call)
+                context.agenda.post(call)
         return True
 
     def __call__(self, *arguments: Any) -> None:
@@ -221,7 +224,7 @@ class Object:
 
     destroyed = Signal()
 
-    _qt_place: ClassVar[Place]
+    _qt_context: ClassVar[EventContext]
     _qt_blocked = False
     _qt_name = ""
     _qt_parent: Object | None = None
@@ -258,17 +261,17 @@ class Object:
 
     def sender(self) -> Object | None:
         """The object whose signal has called the running slot."""
-        return self._qt_place.sender
+        return self._qt_context.sender
 
     def property(self, name: str) -> Any:
         return self.__dict__.get("_qt_properties", {}).get(name)
 
     def setProperty(self, name: str, value: Any) -> bool:
         self.__dict__.setdefault("_qt_properties", {})[name] = value
-        return False
+        return False  # as Qt does for properties that no class declares
 
     def deleteLater(self) -> None:
-        self._qt_place.agenda.post(self._qt_delete)
+        self._qt_context.agenda.post(self._qt_delete)
 
     def _qt_delete(self) -> None:
         for child in self.children():
@@ -314,10 +317,10 @@ class Timer(Object):
     def start(self, msec: float | None = None) -> None:
         if msec is not None:
             self._qt_interval = _milliseconds(msec)
-        self._qt_place.agenda.start(self._qt_alarm, self._qt_interval / 1000)
+        self._qt_context.agenda.start(self._qt_alarm, self._qt_interval / 1000)
 
     def stop(self) -> None:
-        self._qt_place.agenda.stop(self._qt_alarm)
+        self._qt_context.agenda.stop(self._qt_alarm)
 
     def isActive(self) -> bool:
         return self._qt_alarm.at is not None
@@ -332,7 +335,7 @@ class Timer(Object):
 
     def remainingTime(self) -> int:
         at = self._qt_alarm.at
-        return -1 if at is None else max(0, math.ceil((at - self._qt_place.agenda.now()) * 1000))
+        return -1 if at is None else max(0, math.ceil((at - self._qt_context.agenda.now()) * 1000))
 
     def isSingleShot(self) -> bool:
         return self._qt_alarm.single
@@ -344,17 +347,17 @@ class Timer(Object):
         return self._qt_type
 
     def setTimerType(self, kind: TimerType) -> None:
-        """No effect: all timers are as precise as possible."""
+        """Has no effect: all timers are as precise as possible."""
         self._qt_type = kind
 
     @classmethod
     def singleShot(cls, msec: float, *to: Any) -> None:
         """`singleShot(200, slot)`, also `(200, Qt.PreciseTimer, slot)`, and `(200, self, SLOT("compute()"))`."""
-        place = cls._qt_place
+        context = cls._qt_context
         receiver, last = to[-2] if len(to) > 1 else None, to[-1]
         slot = getattr(receiver, _named(last)) if isinstance(last, str) else last
         call = slot if callable(slot) else slot.emit
-        place.agenda.start(Alarm(partial(place.attempt, None, call), single=True), _milliseconds(msec) / 1000)
+        context.agenda.start(Alarm(partial(context.attempt, None, call), single=True), _milliseconds(msec) / 1000)
 
     def _qt_delete(self) -> None:
         self.stop()
@@ -379,7 +382,7 @@ class Application(Object):
         return cls.instance()
 
     def __init__(self, *_: Any) -> None:
-        """Nothing to do: the application exists already."""
+        """Does nothing, because the application already exists."""
 
     @classmethod
     def instance(cls) -> Application:
@@ -390,29 +393,29 @@ class Application(Object):
     @classmethod
     def quit(cls) -> None:
         """End the component, as Ctrl-C does."""
-        cls._qt_place.quit()
+        cls._qt_context.quit()
 
     @classmethod
     def exit(cls, code: int = 0) -> None:
-        cls._qt_place.quit()
+        cls._qt_context.quit()
 
     @classmethod
     def exec(cls) -> int:
-        """No effect: the component's loop is running already."""
+        """Has no effect: the component's loop is already running."""
         return -1
 
     exec_ = exec
 
     @classmethod
     def processEvents(cls, *_: Any) -> None:
-        """Do what is due now, and let waiting handlers run."""
-        place = cls._qt_place
-        if not place.here:
-            return  # another thread must not run this one's calls
-        now = place.agenda.now()
-        while place.agenda.do(now):
+        """Run queued calls and timers that are due, and let waiting handlers run."""
+        context = cls._qt_context
+        if not context.here:
+            return  # the calls belong to the component's thread
+        now = context.agenda.now()
+        while context.agenda.do(now):
             pass
-        with place.outside():
+        with context.outside():
             pass
 
     @staticmethod
@@ -436,12 +439,12 @@ class Application(Object):
         cls._qt_names["organization"] = name
 
 
-# -- all of it, for one component ------------------------------------------------------
+# -- the classes of one component ------------------------------------------------------
 
 
-def core(place: Place, keeper: MutexSet) -> dict[str, Any]:
-    """The names in QtCore, and `QApplication`."""
-    objects = type("QObject", (Object,), {"_qt_place": place})
+def core(context: EventContext, mutex_set: MutexSet) -> dict[str, Any]:
+    """The names in QtCore, and `QApplication`, with their values for one component."""
+    objects = type("QObject", (Object,), {"_qt_context": context})
     application = type("QCoreApplication", (Application, objects), {"_qt_only": [], "_qt_names": {}})
     return {
         "QObject": objects,
@@ -457,7 +460,7 @@ def core(place: Place, keeper: MutexSet) -> dict[str, Any]:
         "SLOT": SLOT,
         "Qt": Qt,
         **renamed(Signal, Slot),
-        **mutexes(keeper),
+        **mutexes(mutex_set),
         **rand(),
     }
 
@@ -468,6 +471,6 @@ def renamed(signal: Any, slot: Any) -> dict[str, Any]:
 
 
 def rand() -> dict[str, Any]:
-    """Qt 4's random numbers, which no later one has."""
+    """The random numbers of Qt 4; later versions have none."""
     source = random.Random()
     return {"qrand": lambda: source.randrange(2**31), "qsrand": source.seed}

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..python2 import parsed
 from .agenda import Agenda
-from .core import Place, core
+from .core import EventContext, core
 from .mutex import MutexSet
 
 ROOTS = ("PySide", "PySide2", "PySide6", "PyQt4", "PyQt5", "PyQt6")
@@ -215,5 +215,5 @@ def provided(names: list[str]) -> bool:
 
 @cache
 def _stand_in() -> dict[str, Any]:
-    place = Place(Agenda(lambda: None), lambda exc: None, lambda: None, nullcontext)
-    return core(place, MutexSet(nullcontext))
+    context = EventContext(Agenda(lambda: None), lambda exc: None, lambda: None, nullcontext)
+    return core(context, MutexSet(nullcontext))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from robocomp_py.classic.workers.qt.alone import Alone
+from robocomp_py.classic.workers.qt.standin import StandInLoop
 from robocomp_py.testing.patience import SOON
 
 
@@ -19,7 +19,7 @@ class Component:
         self.outside = 0
         """How many are outside just now."""
         self.woken = self.quits = 0
-        self.loop = Alone(self._wake, self._quit, self._outside, self.told.append)
+        self.loop = StandInLoop(self._wake, self._quit, self._outside, self.told.append)
         self.loop.call(lambda: None)
 
     @property

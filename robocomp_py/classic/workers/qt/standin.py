@@ -1,4 +1,4 @@
-"""The loop of a component without real Qt: its own thread does what is due, one thing at a time."""
+"""The event loop of a component that uses the stand-in for Qt. It runs on the component's own thread."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from .agenda import Agenda
-from .core import Application, Place, core
+from .core import Application, EventContext, core
 from .mutex import MutexSet
 from .served import Absent, Served
 
 T = TypeVar("T")
 
-_CORE = frozenset({"QApplication", "QGuiApplication", "qApp"})
+_NOT_IN_QTCORE = frozenset({"QApplication", "QGuiApplication", "qApp"})
 """Names of the stand-in that are not in QtCore."""
 
 
-class Alone:
-    """See `Loop`."""
+class StandInLoop:
+    """A `Loop` without real Qt: calls and timers that are due run one at a time."""
 
     in_front = None
 
@@ -34,9 +34,9 @@ class Alone:
         self.outside = outside
         self.builtins: dict[str, Any] | None = None
         self._agenda = Agenda(wake)
-        self._place = Place(self._agenda, tell, quit_, outside)
-        self._keeper = MutexSet(outside)
-        self._core = core(self._place, self._keeper)
+        self._context = EventContext(self._agenda, tell, quit_, outside)
+        self._mutexes = MutexSet(outside)
+        self._core = core(self._context, self._mutexes)
         self._has_run = False
         self.base: type = self._core["QObject"]
         self.modules: Mapping[str, ModuleType] = Served(self._look_up, self._exported, {})
@@ -49,16 +49,16 @@ class Alone:
         return self._agenda.due(now)
 
     def run(self, now: float) -> None:
-        self._place.thread = threading.get_ident()
+        self._context.thread = threading.get_ident()
         self._has_run = True
         self._agenda.do(now)
 
     def locked(self, change: int) -> None:
-        """A wait for a lock leaves the monitor; that suffices because each handler has its own thread."""
+        """Has no effect: a wait for a lock already leaves the monitor, and each handler has its own thread."""
 
     def call(self, function: Callable[..., T], *arguments: Any) -> T:
         if not self._has_run:  # assume that the thread that makes the objects will run them
-            self._place.thread = threading.get_ident()
+            self._context.thread = threading.get_ident()
         return function(*arguments)
 
     def wait_for(self, function: Callable[[], T]) -> T:
@@ -66,23 +66,22 @@ class Alone:
             return function()
 
     def post(self, call: Callable[[], object]) -> None:
-        self._agenda.post(lambda: self._place.attempt(None, call))
+        self._agenda.post(lambda: self._context.attempt(None, call))
 
     def close(self) -> None:
         if self._agenda.closed:
             return
         application: Application = self._core["qApp"]
-        self._place.attempt(None, application.aboutToQuit.emit)
+        self._context.attempt(None, application.aboutToQuit.emit)
         self._agenda.close()
-        self._keeper.closed = True
+        self._mutexes.closed = True
 
     def _look_up(self, root: str, module: str, name: str) -> Any:
-        found = self._core.get(name)
-        if found is not None and (name in _CORE) == (module != "QtCore"):
-            return found
-        return Absent(f"{root}.{module}.{name}")
+        is_there = name not in _NOT_IN_QTCORE if module == "QtCore" else name in _NOT_IN_QTCORE
+        found = self._core.get(name) if is_there else None
+        return Absent(f"{root}.{module}.{name}") if found is None else found
 
     def _exported(self, root: str, module: str) -> list[str]:
         if module == "QtCore":
-            return [name for name in self._core if name not in _CORE]
-        return sorted(_CORE) if module in ("QtGui", "QtWidgets") else []
+            return [name for name in self._core if name not in _NOT_IN_QTCORE]
+        return sorted(_NOT_IN_QTCORE) if module in ("QtGui", "QtWidgets") else []
