@@ -37,15 +37,16 @@ class Parser(argparse.ArgumentParser):
         if found := _UNKNOWN.fullmatch(message):
             option = found[1].partition("=")[0]
             if option.startswith("-"):
-                near = closest(option, self._options())
+                near = closest(option, [text for text in self.options() if text.startswith("--")])
                 return f"no option {option}; " + (f"did you mean {near}?" if near else f"see: {self.prog} --help")
         if found := _EXCLUDED.fullmatch(message):
             return f"{found[1]} and {found[2]} exclude each other"
         return message.removeprefix("argument ")
 
-    def _options(self) -> list[str]:
-        actions = self._actions  # what argparse offers no other way to
-        return [text for each in actions for text in each.option_strings if text.startswith("--")]
+    def options(self, *, with_value: bool = False) -> list[str]:
+        """Its options, or those that take a value."""
+        actions = self._actions  # argparse offers no public way
+        return [text for each in actions if not with_value or each.nargs != 0 for text in each.option_strings]
 
 
 _NO_VALUE = re.compile(r"argument (\S+): expected (?:one|at least one) argument")

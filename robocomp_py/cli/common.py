@@ -162,7 +162,7 @@ def _is_somewhere() -> bool:
         return False
 
 
-def parser(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
+def parser(name: str, description: str, epilog: str = "") -> Parser:
     made = Parser(
         prog=name, description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..arguments import Parser
 from ..dsl.diagnostics import did_you_mean
 from .common import command, parser
 from .deploying import down, export, keys, logs, plan, restart, simulate, status, trust, up
@@ -79,7 +80,7 @@ def _without_command(given: Sequence[str]) -> int:
     return up.run(options)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     made = parser("rcdeploy", "Start, watch and stop a network of components described in DDSL.", _EXAMPLES)
     made.usage = "rcdeploy [options] NET.ddsl\n       rcdeploy COMMAND ...\n       rcdeploy --import FILE [-o NET.ddsl]"
     width = max(map(len, COMMANDS))
@@ -99,7 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     return made
 
 
-def _parser_of(each: Command) -> argparse.ArgumentParser:
+def _parser_of(each: Command) -> Parser:
     made = parser(f"rcdeploy {each.NAME}", "")
     each.add_arguments(made)
     return made
@@ -131,8 +132,7 @@ def _refuse(rest: Sequence[str], made: argparse.ArgumentParser, name: str) -> No
 def _options(of: str = "", *, with_value: bool = False) -> set[str]:
     """The options of one command, or of all commands."""
     parsers = [_parser_of(COMMANDS[of])] if of else [_parser(), *map(_parser_of, COMMANDS.values())]
-    actions = [action for each in parsers for action in each._actions]  # argparse offers no public way
-    return {text for each in actions if not with_value or each.nargs != 0 for text in each.option_strings}
+    return {text for each in parsers for text in each.options(with_value=with_value)}
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import pytest
 from robocomp_py.transports.dds import unsafe
 
 
-@pytest.mark.parametrize("name", ["ddspy_write", "_entities"])
+@pytest.mark.parametrize("name", ["ddspy_write", "_entities", "_ref"])
 def test_a_part_that_a_version_lacks_is_named(name: str) -> None:
     owner: Any = object()
     with pytest.raises(ImportError, match=rf"cyclonedds does not have `{name}`.*pip install 'cyclonedds~=11.0'"):

@@ -16,14 +16,14 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from functools import partial
 from types import ModuleType, TracebackType
 from typing import Any, Protocol, TypeVar
 from weakref import WeakSet
 
-from ...threads import NO_THREAD, start_thread
-from .unsafe import not_awaited
+from . import unsafe
+from .unsafe import Pool
 
 T = TypeVar("T")
 
@@ -42,9 +42,6 @@ class Loop(Protocol):
 
     def locked(self, change: int) -> None:
         """A lock was taken (1) or released (-1). Meanwhile, code that may want it must not run on this thread."""
-
-
-Pool = concurrent.futures.ThreadPoolExecutor
 
 
 class Begun:
@@ -74,22 +71,16 @@ class Begun:
         Returns the names of threads that still run, and the number of calls that still wait."""
         begun = time.monotonic()
         for pool in pools:
-            if not pool._shutdown:
+            if not pool.ended:
                 pool.shutdown(wait=False)
         _join(self._threads, begun + grace_s)
-        _join([thread for pool in pools if _calls_in(pool) for thread in pool._threads], begun + work_s)
-        return [each.name for each in self._threads if each.is_alive()], sum(map(_calls_in, pools))
+        _join([thread for pool in pools if pool.waiting for thread in pool.threads], begun + work_s)
+        return [each.name for each in self._threads if each.is_alive()], sum(pool.waiting for pool in pools)
 
 
 def _join(threads: Iterable[threading.Thread], end: float) -> None:
     for thread in threads:
         thread.join(max(0.0, end - time.monotonic()))
-
-
-def _calls_in(pool: Pool) -> int:
-    """The number of waiting calls in a pool that was shut down. The queue's last item is the pool's end marker."""
-    is_at_it = any(each.is_alive() for each in pool._threads)
-    return max(0, pool._work_queue.qsize() - 1) if is_at_it else 0
 
 
 def modules(loop: Loop, begun: Begun) -> Mapping[str, ModuleType]:
@@ -158,39 +149,21 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
         # A condition uses these to release its lock completely during a wait, and to take it again.
 
         def _release_save(self) -> Any:
-            state = self._lock._release_save()
+            state = unsafe.release_all(self._lock)
             locked(-state[0])
             return state
 
         def _acquire_restore(self, state: Any) -> None:
-            self._lock._acquire_restore(state)
+            unsafe.retake(self._lock, state)
             locked(state[0])
 
-    class Condition(threading.Condition):
+    class Condition(unsafe.Condition):
         def __init__(self, lock: Any = None) -> None:
             lock = RLock() if lock is None else lock
             super().__init__(lock)
 
         def wait(self, timeout: float | None = None) -> bool:
-            """As in Python, but another thread than the one with the lock may do the waiting."""
-            this: Any = self
-            if not this._is_owned():
-                raise RuntimeError("cannot wait on un-acquired lock")
-            called, is_called = threading.Lock(), False
-            called.acquire()
-            patience = -1 if timeout is None else max(0, timeout)
-            this._waiters.append(called)
-            state = this._release_save()
-            try:
-                with loop.outside():  # also while the lock is waited for
-                    try:
-                        is_called = loop.wait_for(partial(called.acquire, True, patience))
-                    finally:
-                        this._acquire_restore(state)
-            finally:
-                if not is_called and called in this._waiters:
-                    this._waiters.remove(called)
-            return is_called
+            return self.wait_outside(loop, timeout)
 
     class Event(threading.Event):
         def wait(self, timeout: float | None = None) -> bool:
@@ -199,7 +172,7 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
     class Barrier(threading.Barrier):
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
-            self._cond = Condition(Lock())  # so that all but the last wait outside, and its action runs inside
+            unsafe.use_condition(self, Condition(Lock()))  # all but the last wait outside; its action runs inside
 
     def semaphore(base: type[threading.Semaphore]) -> type[threading.Semaphore]:
         class Waiting(base):  # type: ignore[misc, valid-type]  # one of two
@@ -292,36 +265,13 @@ def _futures(loop: Loop, begun: Begun) -> dict[str, Any]:
     class ThreadPoolExecutor(Pool):
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
+            self.begun = begun.thread  # type: ignore[method-assign]
             begun.pool(self)
 
         def submit(self, *arguments: Any, **named: Any) -> Future:
             future: Any = super().submit(*arguments, **named)
             future.__class__ = Future
             return future  # type: ignore[no-any-return]  # it is one now
-
-        def _adjust_thread_count(self) -> None:
-            """Begin a thread if need be, for which Python does not wait in the end: what it does may be endless.
-
-            Raises RuntimeError if the pool has no thread at all; then the call is not made later, either.
-            """
-            if self._idle_semaphore.acquire(False) or len(self._threads) >= self._max_workers:
-                return
-            known, grow, begun_all = set(self._threads), super()._adjust_thread_count, []
-
-            def run() -> None:
-                with suppress(RuntimeError):  # no thread can be started
-                    grow()
-                    begun_all.append(True)
-
-            begin = threading.Thread(target=run, daemon=True)  # what it begins is so, too
-            if start_thread(begin):
-                begin.join()
-            if not begun_all and not known:
-                self._work_queue.get_nowait()
-                raise RuntimeError(NO_THREAD)
-            for thread in set(self._threads) - known:
-                not_awaited(thread)
-                begun.thread(thread)
 
         def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
             end = partial(super().shutdown, wait, cancel_futures=cancel_futures)

@@ -39,6 +39,7 @@ from .unsafe import (
     matched_publications,
     matched_subscriptions,
     read_condition,
+    reference,
     take,
     write,
     write_unlocked,
@@ -62,7 +63,7 @@ class Bus:
             with creating, as_transport_error("joining the domain"):
                 self.participant = DomainParticipant(domain)
             undo.callback(forget, self.participant)
-            self.loop = Loop(self.participant._ref)
+            self.loop = Loop(reference(self.participant))
             undo.callback(self.loop.close)
             self.endpoints = Endpoints(self.participant, self.loop)
             undo.pop_all()
@@ -81,7 +82,7 @@ class Bus:
             return Reader(DataReader(parent, made, qos), parent if partition else None, made)
 
     def waiting(self) -> Waiting:
-        return Waiting(self.participant._ref)
+        return Waiting(reference(self.participant))
 
     def lose(self) -> None:
         self.lost = True
@@ -104,7 +105,7 @@ class _End:
 
     def __init__(self, entity: Any, parent: Entity | None, topic: Topic[Any]) -> None:
         self._entity, self._parent, self._topic = entity, parent, topic
-        self.ref = entity._ref
+        self.ref = reference(entity)
 
     def incompatible_policy(self) -> str:
         """The QoS policy because of which DDS does not connect some endpoint; "" if there is none."""

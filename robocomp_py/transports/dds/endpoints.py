@@ -18,7 +18,7 @@ from ...wire.names import ANY as STAR
 from ...wire.names import is_namespace, matches
 from ..leader_followers import Job
 from .library import as_transport_error, creating
-from .unsafe import read_condition, take_endpoints
+from .unsafe import read_condition, reference, take_endpoints
 
 if TYPE_CHECKING:
     from .bus import Loop
@@ -102,7 +102,7 @@ class Endpoints:
             with creating, as_transport_error("discovery"):
                 reader = BuiltinDataReader(participant, topic)
             self._readers.append((reader, partial(_endpoint, topic is BuiltinTopicDcpsPublication)))
-            condition = read_condition(reader._ref, "discovery")
+            condition = read_condition(reference(reader), "discovery")
             loop.attach(condition, self._look)
 
     def find(self, role: str, channel: str) -> list[Endpoint]:
@@ -132,7 +132,7 @@ class Endpoints:
         changed: set[str] = set()
         for reader, make in self._readers:
             while True:
-                taken = take_endpoints(reader._ref, 64, make)
+                taken = take_endpoints(reference(reader), 64, make)
                 if not taken:
                     break
                 with self._lock:

@@ -3,6 +3,7 @@
 Written for cyclonedds 11.0, on CPython.
 
     what                                        why not the public way
+    reference                                   none: functions of the library take this number of an entity
     write, take                                 it encodes and decodes Python objects: our samples are octets already
     write_unlocked                              the same, and other threads run meanwhile
     dispose                                     as with `write`
@@ -12,7 +13,7 @@ Written for cyclonedds 11.0, on CPython.
     disown_all                                  none: a forked process would delete the entities of its parent
 
 Importing this module fails with an ImportError that names what is missing, if this version of the package lacks any of
-it.
+it; `reference` fails so when the transport is opened.
 """
 
 from __future__ import annotations
@@ -40,6 +41,12 @@ def _part(owner: Any, name: str) -> Any:
         raise ImportError(
             f"cyclonedds does not have `{name}`, which the transport dds needs: pip install 'cyclonedds~={WRITTEN_FOR}'"
         ) from None
+
+
+def reference(entity: Entity) -> int:
+    """The library's number of an entity."""
+    number: int = _part(entity, "_ref")
+    return number
 
 
 _compiled = importlib.import_module("cyclonedds._clayer")

@@ -12,6 +12,7 @@ from typing import Any
 from ...errors import Closed, ConfigurationError, TransportError, Unreachable
 from ..iceoptions import FIXED, IceOptions
 from ..unsafe import keep_thread_state, release_thread_state
+from .unsafe import free
 
 try:
     import Ice
@@ -119,13 +120,10 @@ class _ThreadHook(Ice.ThreadNotification):  # type: ignore[misc]  # Ice has no t
 
 
 def gone(sending: Any) -> bool:
-    """Whether a one-way request was sent at once; then its memory is freed.
-
-    Ice for Python would never free it, payload included: the request's future and Ice's result refer to each other.
-    """
+    """Whether a one-way request was sent at once; then its memory is freed."""
     if not sending.is_sent_synchronously():
         return False
-    sending._asyncResult = None
+    free(sending)
     return True
 
 
