@@ -133,6 +133,13 @@ def test_the_guide_to_virtual_time_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_page_on_time_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "reference" / "time.md"))
+    assert len(done) > 6
+    for step in done:
+        do(step, tmp_path)
+
+
 def test_the_guide_to_supervision_works_as_written(tmp_path: Path) -> None:
     done = list(steps(DOCS / "guides" / "supervision.md"))
     assert len(done) > 4
@@ -305,7 +312,7 @@ def test_the_configuration_that_is_explained_is_one(tmp_path: Path) -> None:
     cdsl = tmp_path / "arm.cdsl"
     cdsl.write_text(
         'import "Laser.idsl"; import "LaserPub.idsl"; Component arm { language python; params "arm.pdsl";'
-        " Communications { requires Laser; implements Laser; subscribesTo LaserPub; }; };"
+        " timer poll 1 s; Communications { requires Laser; implements Laser; subscribesTo LaserPub; }; };"
     )
     (tmp_path / "arm.pdsl").write_text("ComponentParams arm { max_speed float 1 0:2; };")
     linked = Workspace().component(cdsl)
@@ -316,7 +323,7 @@ def test_the_configuration_that_is_explained_is_one(tmp_path: Path) -> None:
     assert given.port(proxy, "getLaserConfData").deadline == 0.5
     assert given.port(handlers, "getLaserData").middleware == "inproc"
     assert given.port(topic, "pushLaserData").qos == QoS(Reliability.RELIABLE, depth=1)
-    assert (given.period, given.params) == (0.05, {"max_speed": 0.5})
+    assert (given.period, given.timers, given.params) == (0.05, {"poll": 0.02}, {"max_speed": 0.5})
 
 
 def test_links_between_pages_lead_somewhere() -> None:
