@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from .. import installed
 from ..contract.parameters import Complaint, Key
@@ -24,7 +24,6 @@ from .permissions import Graph
 
 if TYPE_CHECKING:
     from ..contract.component import Component, Port
-    from ..runtime.settings import Settings
 
 OTHER_COLOUR = "#1f6fb2"
 
@@ -56,6 +55,28 @@ class Completion:
     said_by: Key
 
 
+class Sourced(Protocol):
+    """The settings of a port or of one of its operations."""
+
+    @property
+    def source(self) -> str | None:
+        """The instance whose channels are used."""
+
+
+class SettingsOfPorts(Protocol):
+    """A configuration, as far as it is about ports."""
+
+    @property
+    def middleware(self) -> str | None: ...
+
+    @property
+    def ports(self) -> Mapping[tuple[str, ...], Sourced]:
+        """Keys are (port,) and (port, operation)."""
+
+    def middlewares(self, port: Port, operation: str, generated_for: str) -> list[str]:
+        """The middlewares of an operation of a port, the main one first."""
+
+
 @dataclass(frozen=True)
 class Incomplete:
     """A component whose configuration is set except for what follows from options of transports."""
@@ -63,7 +84,7 @@ class Incomplete:
     component: Component
     own: Port | None
     """The port of its `CommonBehavior`."""
-    settings: Callable[[], Settings]
+    settings: Callable[[], SettingsOfPorts]
     generated_for: str
     """The middleware of its generic part."""
     is_overridden: bool

@@ -65,7 +65,7 @@ class Bus:
             undo.callback(forget, self.participant)
             self.loop = Loop(reference(self.participant))
             undo.callback(self.loop.close)
-            self.endpoints = Endpoints(self.participant, self.loop)
+            self.endpoints = Endpoints(self.participant, self.loop.attach)
             undo.pop_all()
         _buses.add(self)
 

@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Callable, Iterable, Set
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import InstanceState, Policy
@@ -19,10 +19,6 @@ from ...wire.names import is_namespace, matches
 from ..leader_followers import Job
 from .library import as_transport_error, creating
 from .unsafe import read_condition, reference, take_endpoints
-
-if TYPE_CHECKING:
-    from .bus import Loop
-
 
 _MARK = b"robocomp1 "
 _MOST_TEXT = 8192
@@ -88,7 +84,10 @@ def _said(data: bytes) -> list[Said]:
 class Endpoints:
     """The readers and writers of the domain, our own included, from the library's built-in topics."""
 
-    def __init__(self, participant: DomainParticipant, loop: Loop) -> None:
+    def __init__(
+        self, participant: DomainParticipant, attach: Callable[[int, Callable[[], Iterable[Job]]], object]
+    ) -> None:
+        """`attach` has the receiving thread call a function while a condition holds."""
         self._lock = threading.Lock()
         self._known: dict[int, list[Endpoint]] = {}
         """By handle: the endpoint, or all links that it announces (`announcing`)."""
@@ -103,7 +102,7 @@ class Endpoints:
                 reader = BuiltinDataReader(participant, topic)
             self._readers.append((reader, partial(_endpoint, topic is BuiltinTopicDcpsPublication)))
             condition = read_condition(reference(reader), "discovery")
-            loop.attach(condition, self._look)
+            attach(condition, self._look)
 
     def find(self, role: str, channel: str) -> list[Endpoint]:
         """Ends of a channel in that role; either channel may have `*` for its instance."""

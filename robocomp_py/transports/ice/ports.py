@@ -7,7 +7,7 @@ of a port that requires an interface, the port uses it: `from` need not name it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...contract.component import Component, Port
 from ...contract.interface import Verb
@@ -15,10 +15,7 @@ from ...contract.middleware import carrier
 from ...contract.parameters import Complaint, Key
 from ...spelling import unknown
 from ...wire import names
-from ..deployment import Completion, Incomplete
-
-if TYPE_CHECKING:
-    from ...runtime.settings import Settings
+from ..deployment import Completion, Incomplete, SettingsOfPorts
 
 ICE = "ice"
 AT: Key = ("transports", ICE)
@@ -75,7 +72,7 @@ def _unknown(
 class Ports:
     """The ports of a component, by the transports that they use."""
 
-    def __init__(self, component: Component, own: Port | None, settings: Settings, generated_for: str) -> None:
+    def __init__(self, component: Component, own: Port | None, settings: SettingsOfPorts, generated_for: str) -> None:
         """`own` is the port of its `CommonBehavior`, `generated_for` the middleware of its generic part."""
         self.component, self.settings = component, settings
         self._generated_for = generated_for
