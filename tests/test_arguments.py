@@ -113,7 +113,7 @@ def test_a_path_is_shown_without_detours(tmp_path: Path, monkeypatch: pytest.Mon
     assert capsys.readouterr().err.startswith("idsl/Thermo.idsl:1:44: error[unknown-type]")
 
 
-def test_keys_that_are_not_there_are_told_though_nothing_may_need_them(hello: Path, capsys: Said) -> None:
+def test_missing_keys_are_reported_even_if_they_may_not_be_needed(hello: Path, capsys: Said) -> None:
     assert told(rc, ["run", "hello", "--keys", "nosuch"], capsys) == (
         1,
         "--keys nosuch: no such folder; create it with `rcdeploy keys`",

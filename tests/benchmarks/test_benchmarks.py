@@ -106,7 +106,7 @@ def test_ice_is_measured_if_it_is_named(tmp_path: Path) -> None:
 
 
 @LONG
-def test_components_are_started_and_watched_and_time_is_told_apart(tmp_path: Path) -> None:
+def test_start_cpu_threads_and_layers_are_measured_in_their_parts(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "start,cpu,threads,layers", "--only", "zeromq")
     begun = found["start"][0]
     assert 0 < begun["interpreter"] < begun["ready"]

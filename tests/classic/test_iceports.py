@@ -128,7 +128,9 @@ def test_nothing_of_it_has_an_effect_where_no_port_goes_over_ice(tmp_path: Path)
         ("Ice.Default.Host =", "a setting of Ice, which is not taken over; transports.ice.properties sets it"),
     ],
 )
-def test_a_setting_that_the_transport_does_not_take_is_no_mistake_and_told(tmp_path: Path, line: str, why: str) -> None:
+def test_a_setting_that_the_transport_does_not_accept_is_reported_but_no_error(
+    tmp_path: Path, line: str, why: str
+) -> None:
     document = settled(tmp_path, f"{line}\n")
     assert document.data == {}
     assert [note.why for note in document.notes] == [why]
@@ -179,7 +181,7 @@ def test_a_proxy_belongs_to_the_port_of_its_name_or_to_the_port_that_names_it(tm
     assert document.place(("ports", "laser1", "from")).endswith("config.toml:5")
 
 
-def test_a_proxy_that_is_written_wrongly_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_malformed_proxy_is_reported_with_its_line(tmp_path: Path) -> None:
     assert wrong(tmp_path, '[transports.ice.proxies]\n\nLaser = "laser:tpc -p 1"\n') == [
         "config.toml:3: `laser:tpc -p 1`: unknown protocol `tpc`; did you mean `tcp`?"
     ]
@@ -210,7 +212,7 @@ def test_a_proxy_that_is_written_wrongly_is_told_with_its_line(tmp_path: Path) -
         ),
     ],
 )
-def test_a_key_that_means_no_port_is_told_with_its_line(tmp_path: Path, text: str, says: str) -> None:
+def test_a_key_without_a_port_is_reported_with_its_line(tmp_path: Path, text: str, says: str) -> None:
     assert wrong(tmp_path, text) == [says]
 
 

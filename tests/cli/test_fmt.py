@@ -192,7 +192,7 @@ def test_stdin_can_be_checked(capsys: Said, monkeypatch: pytest.MonkeyPatch) -> 
         (["a.idsl", "--language", "idsl"], "--language is for stdin (-); the ending of a file tells its language"),
     ],
 )
-def test_wrong_usage_is_told_with_what_is_right(capsys: Said, arguments: list[str], said: str) -> None:
+def test_wrong_usage_is_reported_with_a_correction(capsys: Said, arguments: list[str], said: str) -> None:
     with pytest.raises(SystemExit) as caught:
         rc(["fmt", *arguments])
     assert caught.value.code == 2

@@ -62,7 +62,7 @@ def test_for_machines_each_operation_is_a_line(network: str, capsys: pytest.Capt
     }
 
 
-def test_what_cannot_be_used_is_told_in_one_line_with_what_is_used_instead(
+def test_an_unusable_middleware_is_reported_in_one_line_with_its_replacement(
     network: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(node, "SHARED_MEMORY", str(tmp_path / "nowhere"))
@@ -74,7 +74,7 @@ def test_what_cannot_be_used_is_told_in_one_line_with_what_is_used_instead(
     assert f"over zenoh instead: {tmp_path}/nowhere is not there, or cannot be written to" in note
 
 
-def test_shared_memory_that_is_too_small_for_the_network_is_told_with_a_remedy(
+def test_too_little_shared_memory_is_reported_with_a_remedy(
     network: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(room, "CONNECTION", 1 << 60)

@@ -24,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_people_are_told_how_many_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_number_of_errors_is_printed_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["lint", "arm.idsl", "right.idsl"]) == 1
     said = capsys.readouterr()
     assert said.out == ""
@@ -96,7 +96,7 @@ def test_a_code_is_explained_by_its_page(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == (PAGES / "unknown-type.md").read_text(encoding="utf-8")
 
 
-def test_a_misspelt_code_is_told_what_may_be_meant(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_misspelt_code_gets_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["lint", "--explain", "unknwon-type"]) == 1
     assert capsys.readouterr().err == "rc lint: unknown code `unknwon-type`; did you mean `unknown-type`?\n"
 
@@ -183,7 +183,7 @@ def test_ports_are_checked_if_the_model_is_a_component(explorer: Path, capsys: p
     ]
 
 
-def test_what_is_no_toml_is_said_where_it_ends_to_be_one(explorer: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unfinished_toml_is_reported_at_its_end(explorer: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = explorer / "etc" / "config.toml"
     config.write_text('[params]\ndevice = "x')
     assert [each[:4] for each in lint(capsys, config)] == [("error[config-syntax]", 2, 11, 12)]

@@ -75,7 +75,7 @@ def test_clients_are_ready_after_their_server_and_stop_before_it_without_a_warni
     assert [line for line in said[end + 1 :] if late not in line] == []
 
 
-def test_a_circle_is_told_and_starts_nevertheless(folder: Path) -> None:
+def test_a_circle_of_requirements_is_reported_and_starts_nevertheless(folder: Path) -> None:
     for name in ("left", "right"):
         component(folder, name, BOTH % name, "    def Asking_ask(self) -> int:\n        return 1\n")
     path = folder / "circle.ddsl"

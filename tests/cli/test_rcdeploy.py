@@ -140,7 +140,7 @@ def test_an_option_is_blamed_for_a_middleware_that_stays_in_a_process(
     assert "error[unfit-middleware]: --middleware inproc: `inproc` does not reach other" in capsys.readouterr().err
 
 
-def test_the_launcher_of_a_network_is_told_when_it_is_ready_and_when_it_stops(
+def test_the_launcher_of_a_network_is_notified_of_ready_and_stopping(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
@@ -536,7 +536,7 @@ def test_on_a_terminal_states_are_shown_live(folder: Path) -> None:
         ("OTHER", "", "*.component.period=soon"),
     ],
 )
-def test_what_is_wrong_outside_of_all_files_is_told_once_and_not_at_lines_of_the_network(
+def test_errors_outside_all_files_are_reported_once_without_a_line(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said, variable: str, value: str, option: str
 ) -> None:
     monkeypatch.setenv(variable, value)

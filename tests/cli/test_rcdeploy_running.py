@@ -215,7 +215,7 @@ def test_the_newest_run_is_shown_with_times_wherever_it_kept_its_output(tmp_path
     assert misspelt.stderr.endswith("it has logs of: laser, rcdeploy\n")
 
 
-def test_what_cannot_start_is_told_where_it_was_started(tmp_path: Path) -> None:
+def test_a_network_that_cannot_start_is_reported_at_the_terminal(tmp_path: Path) -> None:
     path = network_of(tmp_path, "broken", fine="exec sleep 600", broken="")
     (tmp_path / "broken.sh").write_text("#!/no/such/interpreter\n")
     failed = run("up", "--detach", path)
@@ -247,7 +247,7 @@ def test_an_empty_network_does_not_go_on(tmp_path: Path) -> None:
     assert detached.stderr.endswith("rcdeploy: deserted has no components to leave running\n")
 
 
-def test_what_is_wrong_with_a_network_is_told_where_it_was_started(tmp_path: Path) -> None:
+def test_errors_of_a_network_are_reported_at_the_terminal(tmp_path: Path) -> None:
     path = network_of(tmp_path, "wrong", fine="exec sleep 600")
     path.write_text(path.read_text().replace(": program", ": progam"))
     failed = run("up", "--detach", path)

@@ -284,7 +284,7 @@ def mend(folder: Path, said: str) -> None:
         assert "SpecificWorker" not in said
 
 
-def test_a_handler_that_is_missing_after_a_change_is_told_before_anything_starts(arm: Path, capsys: Said) -> None:
+def test_a_handler_missing_after_a_change_is_reported_before_the_start(arm: Path, capsys: Said) -> None:
     (arm / "net.ddsl").write_text('import "arm.cdsl"; Deployment net { Component arm {}; };')
     cdsl, net = str(arm / "arm.cdsl"), str(arm / "net.ddsl")
     assert rcdeploy(["plan", net]) == 0

@@ -164,7 +164,7 @@ def test_a_stuck_one_is_named_and_the_second_interrupt_ends_all(folder: Path) ->
         (["--after", "b"], 2, "no option --after; see: hello --help"),
     ],
 )
-def test_what_cannot_be_run_together_is_told_before_anything_starts(
+def test_components_that_cannot_share_a_process_are_reported_before_the_start(
     folder: Path,
     arguments: list[str],
     code: int,

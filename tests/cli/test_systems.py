@@ -48,7 +48,7 @@ def run(folder: Path, body: str, *options: str) -> str:
     return done.stdout
 
 
-def test_each_half_talks_to_itself_unless_it_is_told_otherwise(folder: Path) -> None:
+def test_each_half_uses_its_own_instances_by_default(folder: Path) -> None:
     body = """
     namespace robot1; middleware zeromq;
     System left { Component hello { config "left.toml"; }; Component asker { }; };

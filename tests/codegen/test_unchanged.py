@@ -143,7 +143,7 @@ def test_all_forms_of_output_are_those_of_a_run_without_a_record(arm: Path, caps
         capsys.readouterr()
 
 
-def test_the_choice_of_a_middleware_is_told_as_without_a_record(arm: Path, capsys: Said) -> None:
+def test_the_choice_of_a_middleware_is_printed_as_without_a_record(arm: Path, capsys: Said) -> None:
     cdsl = str(arm / "arm.cdsl")
     for options, said in (
         (["--middleware", "zeromq"], "1 written in {arm}/ (zeromq)"),

@@ -45,7 +45,7 @@ def explore(component: ComponentTest, seen: list[TData]) -> tuple[float, float]:
     return component.received(SPEED)[-1]
 
 
-def test_told_nothing_it_does_not_drive() -> None:
+def test_without_a_command_it_does_not_drive() -> None:
     with wander() as component:
         component.send("LaserPub.pushLaserData", scan())
         component.wait_for_computes(5)
@@ -59,7 +59,7 @@ def test_it_explores_at_once_if_so_configured() -> None:
     assert adv > 500
 
 
-def test_told_to_go_anywhere_it_explores() -> None:
+def test_a_command_to_go_anywhere_starts_an_exploration() -> None:
     with wander() as component:
         component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
         adv, rot = explore(component, scan(left=0.5))
@@ -136,7 +136,7 @@ def test_it_slows_down_near_the_place() -> None:
     assert component.received(SPEED)[0][0] == pytest.approx(300, abs=1)
 
 
-def test_there_it_first_turns_to_where_it_was_told_to_look() -> None:
+def test_at_the_target_it_turns_to_the_commanded_heading() -> None:
     alpha = 0.0
     with wander(lambda: (scan(), at(x=2.0, z=1.0, alpha=alpha))) as component:
         component.call("GotoPoint.go", "", 2000.0, 1000.0, 1.5)
@@ -157,7 +157,7 @@ def test_a_new_place_is_not_yet_reached() -> None:
         assert not component.call("GotoPoint.atTarget")
 
 
-def test_what_it_is_told_while_it_waits_for_a_scan_counts() -> None:
+def test_a_command_during_the_wait_for_a_scan_counts() -> None:
     def stopped_meanwhile() -> tuple[list[TData], TBaseState]:
         component.call("GotoPoint.stop")
         return scan(), at()

@@ -73,7 +73,7 @@ def test_what_is_published_is_found_whatever_else_is_said_of_it(uses: list[tuple
     assert component.segment(published) == "Note"
 
 
-def test_what_is_offered_twice_is_told_apart_on_the_wire() -> None:
+def test_two_ports_of_one_interface_have_different_channels() -> None:
     uses = [(SUBSCRIBES, "Note"), (IMPLEMENTS, "Note"), (IMPLEMENTS, "Pad"), (IMPLEMENTS, "Note"), (IMPLEMENTS, "Note")]
     component = Component("a", tuple(_ports(uses)))
     offered = [component.segment(port) for port in component.ports if port.verb is IMPLEMENTS]

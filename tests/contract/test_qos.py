@@ -102,7 +102,7 @@ def test_lifespan_and_history_are_no_promises() -> None:
 
 
 @given(_any_qos)
-def test_what_is_told_of_a_qos_is_all_that_others_have_to_know_and_fits_into_names(qos: QoS) -> None:
+def test_the_traits_of_a_qos_are_complete_and_fit_into_names(qos: QoS) -> None:
     text = traits(qos)
     assert re.fullmatch(r"[a-z0-9-]+", text)
     again = from_traits(text)

@@ -161,7 +161,7 @@ def network_without(usable: auto.Usable, sets: Sequence[str] = ()) -> Choice:
     return choose([instance(SERVER, "server", *sets), instance(CLIENT, "client")], usable)
 
 
-def test_what_cannot_be_used_is_told_once_with_what_is_used_instead() -> None:
+def test_an_unusable_middleware_is_reported_once_with_its_replacement() -> None:
     choice = network_without(lambda name, connections=0: "no shared memory here" if name == "shm" else "")
     assert over(choice, "divide") == [("client", "server", "zeromq")]
     assert choice.settings == {}

@@ -105,7 +105,7 @@ def raw(running: Running) -> socket.socket:
     return made
 
 
-def test_what_is_told_is_how_the_network_is(running: Running) -> None:
+def test_the_reply_to_status_is_the_state_of_the_network(running: Running) -> None:
     with Connection("home") as connection:
         assert connection.status() == running.network.now
 
@@ -133,7 +133,7 @@ def test_a_wish_to_stop_is_passed_on(running: Running) -> None:
     assert (event.code, event.grace) == (0, 0.5)
 
 
-def test_a_refusal_is_told_in_words(running: Running) -> None:
+def test_a_refusal_has_a_message(running: Running) -> None:
     running.network.refusal = "home is stopping: nothing can be started"
     with Connection("home") as connection:
         with pytest.raises(DeploymentError, match="nothing can be started"):
@@ -163,7 +163,7 @@ def test_a_refusal_is_told_in_words(running: Running) -> None:
         (b'{"do": "logs", "names": ["lasr"]}', "unknown instance `lasr`; did you mean `laser`?"),
     ],
 )
-def test_what_is_no_request_is_said_and_the_next_one_is_answered(running: Running, line: bytes, says: str) -> None:
+def test_an_invalid_request_is_reported_and_the_next_one_is_answered(running: Running, line: bytes, says: str) -> None:
     with raw(running) as one, one.makefile("rb") as answers:
         one.sendall(line + b'\n{"do": "status"}\n')
         assert json.loads(answers.readline()) == {"error": says}
@@ -307,7 +307,7 @@ def test_a_runtime_folder_may_have_a_long_path(start: Start, tmp_path: Path, mon
 # Logs.
 
 
-def test_the_last_lines_are_told_in_the_order_in_which_they_came(running: Running) -> None:
+def test_the_last_lines_are_sent_in_the_order_of_arrival(running: Running) -> None:
     running.write("laser", "one", "two")
     running.write("left/arm", "three")
     running.write("laser", "four")
@@ -338,7 +338,7 @@ def test_a_following_client_gets_lines_until_the_network_ends(start: Start) -> N
         assert list(following) == []
 
 
-def test_a_slow_client_is_told_how_many_lines_were_lost(running: Running) -> None:
+def test_a_slow_client_gets_the_number_of_lost_lines(running: Running) -> None:
     with Connection("home") as connection:
         running.write("laser", "before")
         following = lines(connection, [], 1, follow=True)
@@ -473,7 +473,7 @@ def test_a_network_is_known_by_its_name() -> None:
         ("Component arm { };", "net.ddsl is not a network: it has no `Deployment`"),
     ],
 )
-def test_what_is_no_network_is_said(tmp_path: Path, text: str | None, says: str) -> None:
+def test_a_file_that_is_not_a_network_is_reported(tmp_path: Path, text: str | None, says: str) -> None:
     path = tmp_path / "net.ddsl"
     if text is not None:
         path.write_text(text)

@@ -676,7 +676,7 @@ def test_a_name_may_be_used_again_after_its_end_and_not_before(tmp_path: Path) -
 # The watchdog.
 
 
-def test_one_that_stops_feeding_its_watchdog_is_told_aborted_and_gone(tmp_path: Path) -> None:
+def test_a_process_that_stops_feeding_its_watchdog_is_reported_aborted_and_ended(tmp_path: Path) -> None:
     text = "import faulthandler; faulthandler.enable(); notify('READY=1', 'WATCHDOG_USEC=50000', 'WATCHDOG=1')"
     heard = ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path)
     assert [told for told in heard.told if told[0] != "output"] == [

@@ -79,7 +79,7 @@ def test_a_long_file_is_followed_by_a_new_one_and_the_oldest_is_gone(logs: Logs)
     assert all(path.stat().st_size < 70_000 for path in logs.folder.iterdir())
 
 
-def test_the_newest_lines_are_told_across_files_and_of_several_in_order(logs: Logs) -> None:
+def test_the_newest_lines_come_from_several_files_in_order(logs: Logs) -> None:
     for number in range(70):
         logs.write(Line(number, "noisy", f"{number} " + "x" * 1000))
         logs.write(Line(number + 0.5, "quiet", str(number)))
@@ -98,7 +98,7 @@ def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
     assert [text for _, _, text in past_lines(logs.folder, ["laser"], 10)] == kept
 
 
-def test_what_a_full_disk_loses_is_told_once_and_counted(logs: Logs, caplog: pytest.LogCaptureFixture) -> None:
+def test_lines_lost_on_a_full_disk_are_reported_once_and_counted(logs: Logs, caplog: pytest.LogCaptureFixture) -> None:
     logs.write(Line(1.0, "laser", "one"))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     deaf = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -119,7 +119,7 @@ def test_what_a_full_disk_loses_is_told_once_and_counted(logs: Logs, caplog: pyt
     assert not logs.lost
 
 
-def test_a_folder_that_cannot_be_is_told_at_the_start(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported_at_the_start(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(DeploymentError, match=r"logs in .*file/logs: Not a directory"):
         Logs(tmp_path / "file" / "logs")

@@ -26,7 +26,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_statement_is_told_once_and_all_around_it_is_read(name: str) -> None:
+def test_a_wrong_statement_is_reported_once_and_the_rest_is_read(name: str) -> None:
     statement = WRONG[name]
     text = f"before = 1\n{statement}\nafter = 2\n[table2]\nx = 3\n"
     mended = mend(text, HERE)
@@ -37,7 +37,7 @@ def test_a_wrong_statement_is_told_once_and_all_around_it_is_read(name: str) -> 
     assert not mended.lacks_header
 
 
-def test_several_are_told_each_where_it_stands() -> None:
+def test_several_errors_are_reported_each_at_its_place() -> None:
     text = "a = x\nb = 1\nc = y z\n[t]\nd = [1,\n  e]\nf = 2\n"
     mended = mend(text, HERE)
     assert [text.count("\n", 0, each.offset) + 1 for each in mended.errors] == [1, 3, 6]
@@ -65,7 +65,7 @@ def test_a_right_text_is_left_as_it_is() -> None:
 
 
 @given(st.text(alphabet="a1=[]{}\"\n'#., \r", max_size=60))
-def test_whatever_a_text_is_it_is_told_about_and_nothing_moves(text: str) -> None:
+def test_any_text_is_reported_and_no_offset_moves(text: str) -> None:
     mended = mend(text, HERE)
     assert len(mended.text) == len(text)
     assert len(mended.errors) <= MOST_MENDED

@@ -103,7 +103,7 @@ def test_with_several_instances_wiring_names_client_and_server(folder: Path) -> 
     assert "ports.laser.from=right --set ports.LaserPub.from=left" in command(found, "driver")
 
 
-def test_a_subscriber_hears_all_publishers_unless_told_otherwise(folder: Path) -> None:
+def test_a_subscriber_receives_from_all_publishers_by_default(folder: Path) -> None:
     found, _ = plan(
         folder,
         """
@@ -153,7 +153,7 @@ def test_an_imported_component_that_offers_what_is_missing_is_proposed(folder: P
     assert told == {"no-provider": hint, "no-publisher": hint}
 
 
-def test_each_of_several_ports_is_told_apart_and_gets_a_proposal_of_its_own(folder: Path) -> None:
+def test_each_of_several_ports_gets_its_own_proposal(folder: Path) -> None:
     _, diagnostics = plan(folder, "Component left : sensor { }; Component right : sensor { }; Component fusion { };")
     told = [(each.message, each.hint) for each in diagnostics if each.code == "ambiguous-provider"]
     assert told == [
@@ -271,12 +271,12 @@ def test_what_is_wrong_is_found_before_anything_starts(folder: Path, body: str) 
     assert errors(folder, body) == WRONG[body]
 
 
-def test_several_mistakes_are_told_at_once(folder: Path) -> None:
+def test_several_errors_are_reported_at_once(folder: Path) -> None:
     body = "Component driver { dependences nobody; }; Component sensor : lidar { }; Component fusion { port 0; };"
     assert set(errors(folder, body)) >= {"unknown-instance", "unknown-component", "bad-port"}
 
 
-def test_what_is_wrong_in_a_configuration_is_told_where_it_stands(folder: Path) -> None:
+def test_an_error_in_a_configuration_is_reported_at_its_place(folder: Path) -> None:
     (folder / "bad.toml").write_text("[params]\nrange = 99\nrnage = 1\n")
     _, found = plan(folder, 'Component a : sensor { config "bad.toml"; }; Component b : sensor { config "bad.toml"; };')
     far, misspelt = sorted(found, key=lambda each: each.span.start)
@@ -315,7 +315,7 @@ def test_what_an_instance_finds_in_its_environment_is_checked(folder: Path, monk
     assert errors(folder, 'Component sensor { env ROBOCOMP__RANGE "9"; };') == []
 
 
-def test_a_wrong_override_is_told_as_it_was_given(folder: Path) -> None:
+def test_a_wrong_override_is_reported_as_given(folder: Path) -> None:
     _, (found,) = plan(folder, "Component sensor { };", Overrides(settings=(("sensor", "params.range=99"),)))
     said = "`range` (m) is 99; allowed: float, 0.0 to 30.0 (for `sensor`)"
     assert found.render() == f"--set sensor.params.range=99: error[config-out-of-range]: {said}"
@@ -335,7 +335,7 @@ def test_a_wrong_override_is_told_as_it_was_given(folder: Path) -> None:
         ),
     ],
 )
-def test_an_override_for_an_instance_that_is_not_there_is_told_as_it_was_given(
+def test_an_override_for_an_unknown_instance_is_reported_as_given(
     folder: Path, instance: str, assignment: str, said: str
 ) -> None:
     override = Overrides(settings=((instance, assignment),))
@@ -380,13 +380,13 @@ def test_an_instance_whose_component_is_unknown_is_there_for_those_that_use_it(f
     assert errors(folder, body) == ["unknown-component"]
 
 
-def test_a_wire_that_is_wrong_is_not_told_to_be_missing_too(folder: Path) -> None:
+def test_a_wrong_wire_is_not_reported_as_missing_too(folder: Path) -> None:
     both = "Component left : sensor { }; Component right : sensor { };"
     assert errors(folder, f"{both} Component driver {{ requires Lasr from left; }};") == ["unknown-port"]
     assert errors(folder, f"{both} Component driver {{ requires Laser from lfet; }};") == ["unknown-instance"]
 
 
-def test_two_definitions_of_one_interface_are_told_apart(folder: Path, tmp_path: Path) -> None:
+def test_two_definitions_of_one_interface_are_distinguished(folder: Path, tmp_path: Path) -> None:
     for name, width in (("server", "float"), ("client", "double")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "Speed.idsl").write_text(
@@ -408,7 +408,7 @@ def test_two_definitions_of_one_interface_are_told_apart(folder: Path, tmp_path:
     assert "SpeedGetResponse.ret: float64 here, float32 there" in found.message
 
 
-def test_mistakes_in_what_is_imported_are_told_where_they_are(tmp_path: Path) -> None:
+def test_errors_in_imported_files_are_reported_at_their_places(tmp_path: Path) -> None:
     (tmp_path / "broken.cdsl").write_text("Component broken { Communications { implements Lasr; } language python; };")
     (tmp_path / "net.ddsl").write_text('import "broken.cdsl"; Deployment net { Component broken { }; };')
     workspace = Workspace()

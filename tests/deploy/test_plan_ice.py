@@ -140,7 +140,7 @@ def test_two_instances_that_are_configured_for_one_port_are_an_error(folder: Pat
 # Programs of one's own.
 
 
-def test_users_of_a_program_are_told_where_it_is(folder: Path) -> None:
+def test_clients_of_a_program_get_its_address(folder: Path) -> None:
     found = planned(folder, f"Component sensor {{ {PROGRAM} port 10003; }}; Component driver {{ }};")
     assert set(over(found).values()) == {"ice"}
     assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003"}}
@@ -181,7 +181,7 @@ def test_a_program_that_asks_another_icestorm_is_an_error(folder: Path) -> None:
     assert errors(folder, f'middleware ice; {program} Component sensor {{ config "own.toml"; }};') == []
 
 
-def test_what_is_wrong_in_the_configuration_of_a_program_is_told_there(folder: Path) -> None:
+def test_an_error_in_the_configuration_of_a_program_is_reported_there(folder: Path) -> None:
     (folder / "their.config").write_text("\nLaser.Endpoints = laser:tcp -p 11000\n")
     body = f'Component sensor {{ {PROGRAM} config "their.config"; }}; Component driver {{ }};'
     _, diagnostics = plan(folder, body)

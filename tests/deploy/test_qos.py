@@ -124,7 +124,9 @@ def test_what_the_configuration_asks_for_counts_and_its_place_is_told(check: Che
         ("latched", "transient_local"),
     ],
 )
-def test_what_the_middleware_does_not_offer_is_told_of_each_end(check: Check, modest: str, qos: str, word: str) -> None:
+def test_a_qos_that_the_middleware_does_not_offer_is_reported_for_each_end(
+    check: Check, modest: str, qos: str, word: str
+) -> None:
     faults = check(qos, qos, f"middleware {modest};")
     assert [fault.code for fault in faults] == ["unfit-middleware"] * 2
     assert f"does not offer {word}, which `laser` asks for in its `publishes LaserPub`" in faults[0].message

@@ -54,7 +54,7 @@ def expire(net: Path, name: str) -> None:
     (keys / name / "key.pem").write_bytes(issued.key)
 
 
-def test_keys_are_made_beside_the_network_and_told_with_their_end(
+def test_keys_are_made_beside_the_network_and_listed_with_their_expiry(
     net: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert rcdeploy(["keys", str(net), "--days", "90"]) == 0

@@ -193,12 +193,12 @@ def test_processes_are_known_by_one_identity_whatever_runs_in_them() -> None:
 # At deployment.
 
 
-def test_without_keys_a_network_is_not_started_and_it_is_told_what_to_do(folder: Path) -> None:
+def test_a_network_without_keys_is_not_started_and_the_remedy_is_printed(folder: Path) -> None:
     errors, _ = troubles(network(), folder, NOW)
     assert errors == [f"there are no keys in {folder}; run: rcdeploy keys NET.ddsl -o {folder}"]
 
 
-def test_expired_ones_are_told_with_the_remedy(folder: Path) -> None:
+def test_expired_keys_are_reported_with_a_remedy(folder: Path) -> None:
     made(network(), folder, days=10)
     errors, _ = troubles(network(), folder, NOW + 11 * DAY)
     assert len(errors) == 3
@@ -206,7 +206,7 @@ def test_expired_ones_are_told_with_the_remedy(folder: Path) -> None:
     assert errors[0].endswith("--renew")
 
 
-def test_those_that_will_soon_expire_are_told_and_the_network_starts(folder: Path) -> None:
+def test_keys_that_expire_soon_are_reported_and_the_network_starts(folder: Path) -> None:
     made(network(), folder)
     errors, warnings = troubles(network(), folder, NOW + 340 * DAY)
     assert not errors

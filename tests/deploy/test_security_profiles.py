@@ -106,7 +106,7 @@ def test_open_needs_a_word_on_the_command_line_besides_and_is_loud() -> None:
         assert (why_not(quiet, insecure=False), warning(quiet)) == ("", "")
 
 
-def test_each_process_of_a_lan_is_told_where_its_own_keys_are_and_no_secret(tmp_path: Path) -> None:
+def test_each_process_of_a_lan_gets_the_place_of_its_keys_and_no_secret(tmp_path: Path) -> None:
     found = secured(network(), tmp_path)
     camera = found.processes[0]
     assert camera.command[-4:] == ("--name", "camera", "--keys", str(tmp_path / "camera"))

@@ -175,7 +175,7 @@ def plan(*processes: Process, hosts: tuple[Host, ...] = (), links: tuple[Link, .
     return Plan("patrol", "", processes, links, hosts=hosts)
 
 
-def test_a_failure_is_told_with_what_comes_of_it() -> None:
+def test_a_failure_is_reported_with_its_consequence() -> None:
     told = Told()
     scene = Scene(plan(process("laser", restart=ONCE)), told, {"start laser": [exits(1), both(ready, exits(-11))]})
     assert scene.code == 1
@@ -187,7 +187,7 @@ def test_a_failure_is_told_with_what_comes_of_it() -> None:
     ]
 
 
-def test_a_delay_is_told_and_waited_for() -> None:
+def test_a_delay_is_reported_and_waited_for() -> None:
     told = Told(on={"ready again": interrupt})
     slow = Restart(When.ALWAYS, delay=0.06)
     scene = Scene(plan(process("laser", restart=slow)), told, {"start laser": [both(ready, exits(0))]})
@@ -195,7 +195,7 @@ def test_a_delay_is_told_and_waited_for() -> None:
     assert "laser has ended; started again in 0.1 s" in told.said
 
 
-def test_one_that_hangs_is_told_and_started_again() -> None:
+def test_a_hung_process_is_reported_and_restarted() -> None:
     def hangs(listener: Listener, name: str) -> None:
         listener.hung(name)
         listener.exited(name, -signal.SIGABRT)

@@ -71,7 +71,7 @@ def test_other_names_namespaces_and_middlewares_are_not_in_the_way(folder: Path,
 
 
 @pytest.mark.parametrize(("middleware", "fits"), [("zeromq", False), ("dds", True)])
-def test_a_runtime_folder_whose_path_is_too_long_is_told_once(
+def test_a_runtime_folder_with_too_long_a_path_is_reported_once(
     folder: Path, own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said, middleware: str, fits: bool
 ) -> None:
     deep = own_runtime_folder / ("x" * (80 - len(os.fsencode(own_runtime_folder)) - 1))

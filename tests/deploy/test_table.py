@@ -66,7 +66,7 @@ def test_the_ports_of_both_ends_of_a_way_are_told() -> None:
     assert ports([]) == []
 
 
-def test_hosts_are_told_where_there_are_some() -> None:
+def test_hosts_are_shown_if_there_are_any() -> None:
     hosts = (HostStatus("onboard", "192.168.1.10", True, ""),)
     lines = [text(line) for line in table(snapshot(process("a", host="onboard"), process("b"), hosts=hosts))]
     assert [line.split()[:3] for line in lines] == [["instance", "host", "state"], ["a", "onboard", "ready"],

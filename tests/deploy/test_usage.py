@@ -42,7 +42,7 @@ def test_measurements_are_at_most_half_a_minute_apart() -> None:
     assert len(set(seen)) == 3
 
 
-def test_what_a_process_used_is_not_told_of_the_one_that_came_after_it() -> None:
+def test_the_usage_of_a_process_is_not_attributed_to_its_successor() -> None:
     meter = Meter(slow(0.01))
     assert meter.read(ME)["me"].memory > 0
     assert meter.read({"me": (os.getppid(), None)}) == {}

@@ -215,14 +215,14 @@ def many(ways: Sequence[Way], **options: Any) -> Wiring:
     return wire(network([site(name, options={"dds": options} if name == "a0" else {}) for name in names], *ways))
 
 
-def test_many_that_meet_over_dds_are_told_so():
+def test_many_dds_participants_get_the_option_many():
     told = many([*(way(f"a{n}", f"b{n}", "dds") for n in range(13)), way("c", "d", "zeromq")])
     assert read(told, "a0")["dds"] == {"many": True}
     assert told.settings["b12"] == ("transports.dds.many=true",)
     assert "c" not in told.settings
 
 
-def test_many_that_meet_over_dds_on_several_hosts_are_told_so_beside_what_they_are_told_else():
+def test_many_dds_participants_on_several_hosts_get_the_option_many_too():
     sites = [LASER, *(site(f"a{n}") for n in range(30))]
     found = read(wire(network(sites, *(way(f"a{n}", "laser", "dds") for n in range(30)))), "a0")["dds"]
     assert found.keys() == {"domain", "interface", "peers", "many"}

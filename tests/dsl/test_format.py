@@ -408,7 +408,7 @@ def test_lines_end_in_a_newline_and_there_is_no_byte_order_mark() -> None:
     assert format_text("\ufeffmodule M\r\n{\r\n // a\r\n};", "idsl") == "module M\n{\n    // a\n};\n"
 
 
-def test_wrong_syntax_is_told_with_its_place() -> None:
+def test_a_syntax_error_is_reported_with_its_place() -> None:
     with pytest.raises(DslError, match=r"arm\.idsl:1:27: error\[syntax\]: expected `;` before `}`"):
         format_text("\ufeffmodule M { struct P { int x } };", "idsl", Path("arm.idsl"))
 

@@ -348,7 +348,7 @@ def test_base_interfaces_are_looked_up_in_their_own_module(component: Path) -> N
     assert found(component) == "rest"
 
 
-def test_only_what_a_wrong_import_may_define_is_not_told_to_be_missing(tmp_path: Path) -> None:
+def test_only_names_that_a_wrong_import_may_define_are_not_reported_as_missing(tmp_path: Path) -> None:
     (tmp_path / "Arm.idsl").write_text("module RoboCompArm { interface Hand { void grip(flot force); }; };")
     (tmp_path / "c.cdsl").write_text(
         'import "Arm.idsl"; import "Laser.idsl"; Component c { language python;'

@@ -188,7 +188,7 @@ def test_no_arrow_is_drawn_over_an_instance_that_it_does_not_concern(seed: int) 
     assert crossed(graph) == []
 
 
-def test_the_mechanisms_are_told_by_colour_and_named_below() -> None:
+def test_middlewares_have_colours_and_a_legend() -> None:
     said = draw(graph_of(HOUSE))
     for word in ("zeromq", "shm", "inproc", "calls", "topic", "host", "system", "process", "LaserPub"):
         assert f">{word}<" in said or f">{word}</tspan>" in said

@@ -17,7 +17,7 @@ def test_a_file_without_errors_has_no_diagnostics(editor: Editor) -> None:
     assert {name: editor.open(name) for name in models} == {name: [] for name in models}
 
 
-def test_a_mistake_is_told_when_it_is_typed_and_gone_when_it_is_mended(editor: Editor) -> None:
+def test_an_error_appears_when_it_is_typed_and_goes_when_it_is_corrected(editor: Editor) -> None:
     right = FILES["Joints.idsl"]
     editor.open("Joints.idsl")
     wrong = editor.change("Joints.idsl", right.replace("sequence<Joint>", "sequence<Joinr>"))
@@ -47,7 +47,7 @@ def test_the_other_place_is_shown_with_its_file(editor: Editor) -> None:
     assert other.location.range.start == position(text, text.index("Joint\n    {"))
 
 
-def test_a_change_is_told_to_the_files_that_import_it(editor: Editor) -> None:
+def test_a_change_updates_the_files_that_import_it(editor: Editor) -> None:
     assert editor.open("Arm.idsl") == []
     editor.open("Joints.idsl")
     editor.change("Joints.idsl", FILES["Joints.idsl"].replace("exception Blocked", "exception Stuck"))
@@ -61,7 +61,7 @@ def test_a_network_is_checked_as_the_deployer_does(editor: Editor) -> None:
     assert [each.code for each in editor.open("game.ddsl", text)] == ["dependence-cycle"]
 
 
-def test_a_component_that_provides_nothing_more_is_told_to_its_network(editor: Editor) -> None:
+def test_a_component_that_no_longer_provides_an_interface_is_reported_in_its_network(editor: Editor) -> None:
     editor.open("game.ddsl")
     editor.open("arm/arm.cdsl")
     editor.change("arm/arm.cdsl", FILES["arm/arm.cdsl"].replace("implements Arm;", ""))
@@ -185,7 +185,7 @@ def test_a_pipe_that_is_imported_is_not_waited_for(editor: Editor) -> None:
     assert [each.code for each in found] == ["missing-import"]
 
 
-def test_a_handler_that_is_missing_is_told_at_the_clause_that_asks_for_it(editor: Editor) -> None:
+def test_a_missing_handler_is_reported_at_the_clause_that_needs_it(editor: Editor) -> None:
     worker = editor.folder / "arm" / "specificworker.py"
     states = "".join(f"    def sm_{name}(self): pass\n" for name in ("resting", "moving", "parked"))
     head = f"from .generic.genericworker import GenericWorker\nclass SpecificWorker(GenericWorker):\n{states}"

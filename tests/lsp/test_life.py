@@ -49,7 +49,7 @@ def test_unknown_messages_are_survived(editor: Editor) -> None:
     assert editor.open("Joints.idsl") == []
 
 
-def test_a_change_of_a_file_that_is_not_open_is_told_and_survived(editor: Editor) -> None:
+def test_a_change_of_an_unopened_file_is_logged_and_survived(editor: Editor) -> None:
     document = lsp.VersionedTextDocumentIdentifier(3, editor.uri("never.idsl"))
     change = lsp.TextDocumentContentChangeWholeDocument("module")
     editor.client.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))

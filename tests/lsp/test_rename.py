@@ -174,12 +174,12 @@ def test_methods_of_a_state_are_told(editor: Editor) -> None:
     ]
 
 
-def test_a_parameter_is_told_in_code_and_configuration(editor: Editor) -> None:
+def test_uses_of_a_parameter_in_code_and_configuration_are_reported(editor: Editor) -> None:
     renamed(editor, "arm/arm.pdsl", "spe|ed", "pace")
     assert told(editor) == ["`params.speed` in arm/specificworker.py:6", "`speed` in arm/etc/config.toml:2"]
 
 
-def test_what_is_told_is_shown_with_the_change(editor: Editor) -> None:
+def test_reported_uses_are_shown_with_the_change(editor: Editor) -> None:
     edit = asked(editor, "Arm.idsl", "void mo|veTo", "goTo")
     (annotation,) = (edit.change_annotations or {}).values()
     assert "Arm_moveTo" in (annotation.description or "")

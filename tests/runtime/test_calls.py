@@ -63,7 +63,7 @@ def test_exceptions_are_compiled_once(method: Any, error: type[Exception]) -> No
     assert counts == [counts[0]] * 3
 
 
-def test_a_handler_that_fails_at_every_call_is_told_sparingly(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_handler_that_fails_at_every_call_is_logged_rarely(caplog: pytest.LogCaptureFixture) -> None:
     def method(dividend: int, divisor: int) -> Any:
         if divisor:
             raise KeyError(dividend)
@@ -78,7 +78,7 @@ def test_a_handler_that_fails_at_every_call_is_told_sparingly(caplog: pytest.Log
     ]
 
 
-def test_an_exception_that_was_not_declared_is_told_with_its_interface_and_operation() -> None:
+def test_an_undeclared_exception_is_reported_with_its_interface_and_operation() -> None:
     codec = MessagePack()
     reply = Handler(e.divide, codec, declared).answer((1, 0))
     other = replace(e.divide, raises=())

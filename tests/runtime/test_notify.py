@@ -37,7 +37,7 @@ def _fill(launcher: socket.socket) -> None:
             other.send(b"more")
 
 
-def test_what_is_told_comes_as_one_datagram(launcher: socket.socket) -> None:
+def test_a_notification_is_one_datagram(launcher: socket.socket) -> None:
     notify("READY=1", "STATUS=calm")
     assert launcher.recv(1000) == b"READY=1\nSTATUS=calm"
 
@@ -53,7 +53,7 @@ def test_a_launcher_that_is_busy_is_waited_for(launcher: socket.socket) -> None:
     telling.join()
 
 
-def test_that_it_is_ready_is_told_to_a_launcher_that_was_stopped_meanwhile(
+def test_readiness_reaches_a_launcher_that_was_stopped_meanwhile(
     launcher: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(notify_module, "_SEND_TIMEOUT", 0.05)

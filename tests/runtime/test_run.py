@@ -377,7 +377,7 @@ def test_dynamic_parameters_change_together_and_the_component_is_told(find: Any)
         assert (before.max_speed, before.verbose) == (0.5, False)
 
 
-def test_what_can_be_changed_is_told_with_its_value(find: Any) -> None:
+def test_dynamic_parameters_are_listed_with_their_values(find: Any) -> None:
     with changing(find) as (_, change):
         change(max_speed="1.5")
         told = {name: (each.value, each.type, each.editable) for name, each in change.told().items()}
@@ -415,7 +415,7 @@ def test_if_one_change_is_wrong_nothing_is_changed(find: Any, wrong: dict[str, s
         assert worker.params.verbose
 
 
-def test_a_change_that_is_wrong_is_told_in_a_line(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_wrong_change_is_reported_in_one_line(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     with changing(find) as (_, change), pytest.raises(RemoteFailure):
         change(max_speed="3")
     [said] = [record for record in caplog.records if "max_speed" in record.message]

@@ -229,7 +229,7 @@ def test_a_set_that_makes_no_sense_is_refused(tmp_path: Path, assignment: str, m
         (b"\xff\xfe", "is not UTF-8 text"),
     ],
 )
-def test_a_file_that_is_no_toml_is_said_with_its_place(tmp_path: Path, content: bytes, message: str) -> None:
+def test_invalid_toml_is_reported_with_its_place(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "config.toml"
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=message):

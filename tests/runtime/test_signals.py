@@ -20,7 +20,7 @@ def received() -> Iterator[list[int]]:
         yield numbers
 
 
-def test_a_signal_is_told_once(received: list[int]) -> None:
+def test_a_signal_calls_the_function_once(received: list[int]) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
     wait_until(lambda: received == [signal.SIGTERM])
     os.kill(os.getpid(), signal.SIGHUP)

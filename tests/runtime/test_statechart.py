@@ -103,7 +103,7 @@ def test_a_star_hears_everything() -> None:
     assert chart.chosen(("a",), "whatever") == [Transition("a", "b", ("*",))]
 
 
-def test_the_end_of_a_state_is_told_and_that_of_a_parallel_one_when_all_its_regions_have_ended() -> None:
+def test_a_state_ends_with_an_event_and_a_parallel_one_when_all_its_regions_have_ended() -> None:
     half = ("working", "moving", "arrived", "watching", "looking")
     assert [*CHART.done(("arrived",), half)] == ["done.state.moving"]
     whole = ("working", "moving", "arrived", "watching", "seen")

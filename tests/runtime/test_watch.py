@@ -66,7 +66,7 @@ def test_every_deadline_without_a_message_is_one_miss() -> None:
     assert looking.look(0.36) == [Missed(FRONT, 1, 3)]
 
 
-def test_unread_misses_are_told_together() -> None:
+def test_unread_misses_are_reported_together() -> None:
     looking = Looking(QoS(deadline=0.1), FRONT)
     looking.watch.heard(FRONT, 0.0)
     assert looking.look(0.55) == [Missed(FRONT, 5, 5)]

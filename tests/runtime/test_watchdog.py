@@ -107,7 +107,7 @@ def test_one_that_may_take_as_long_as_it_likes_says_so_once(component: Component
     assert told == ["WATCHDOG_USEC=0"]
 
 
-def test_how_busy_it_is_is_told_until_it_is_not(component: Component) -> None:
+def test_its_load_is_reported_until_it_is_idle(component: Component) -> None:
     component.monitor.gauge.note(0.25)
     with watched(component) as told:
         wait_until(lambda: len([line for line in told if "CALLS" in line]) == 2 and "CALLS" not in told[-1])
@@ -116,7 +116,7 @@ def test_how_busy_it_is_is_told_until_it_is_not(component: Component) -> None:
     assert second == ["0", "0"]
 
 
-def test_how_it_is_is_told_when_that_changes(component: Component) -> None:
+def test_its_status_is_reported_when_it_changes(component: Component) -> None:
     component.life = "laser compute 0 0 0 1.0"
     with watched(component) as told:
         wait_until(lambda: len(told) > 3)

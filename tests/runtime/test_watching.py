@@ -103,7 +103,7 @@ def say(made: Running, *others: Callable[[], object]) -> None:
     wait_until(said)
 
 
-def test_a_subscriber_is_told_of_the_port_the_operation_and_the_instance(find: Any) -> None:
+def test_the_hook_of_a_subscriber_gets_port_operation_and_instance(find: Any) -> None:
     sonar, listener = make(publisher(_DEADLINE), find), make(subscriber(_DEADLINE), find)
     with running(listener) as worker, running(sonar):
         say(sonar, lambda: worker.numbers)
@@ -113,7 +113,7 @@ def test_a_subscriber_is_told_of_the_port_the_operation_and_the_instance(find: A
     assert totals == sorted(set(totals))
 
 
-def test_a_publisher_is_told_of_what_it_did_not_send_under_its_own_name(find: Any) -> None:
+def test_the_hook_of_a_publisher_gets_missed_deadlines_under_its_own_name(find: Any) -> None:
     sonar = make(publisher(_DEADLINE), find, name="left")
     with running(sonar) as worker:
         say(sonar)
@@ -158,7 +158,7 @@ def test_hooks_never_run_concurrent_other_code_of_the_worker(find: Any) -> None:
     assert set(worker.told) == {()}
 
 
-def test_a_hook_that_raises_is_told_of_and_life_goes_on(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_hook_that_raises_is_logged_and_the_component_continues(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     class Fragile(Listening):
         def on_deadline_missed(self, port: str, operation: str, instance: str, total: int) -> None:
             self.told.append((total,))

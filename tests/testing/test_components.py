@@ -281,7 +281,7 @@ def test_asynchronous_calls_end_by_the_same_outcomes() -> None:
     assert component.worker.outcomes[0] == "Busy"
 
 
-def test_a_missing_parameter_is_told_together_with_what_a_test_has_to_give() -> None:
+def test_a_missing_parameter_is_reported_with_what_a_test_has_to_give() -> None:
     with pytest.raises(ConfigurationError) as told:
         ComponentTest(Tuned)
     assert "`device` is mandatory" in str(told.value)

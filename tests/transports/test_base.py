@@ -14,7 +14,7 @@ MINE = Channel("robot/arm/Arm/move", Pattern.COMMAND, TypeRef("", 1, "operation 
     "text",
     ["operation " + 50_000_000 * "x", "struct a\n  b c\n" * 4_000, "\n".join(f"struct a{n}" for n in range(4_000))],
 )
-def test_what_a_hostile_program_means_by_a_name_is_told_briefly(text: str) -> None:
+def test_a_hostile_name_is_shortened_in_messages(text: str) -> None:
     assert len(mismatch(MINE, TypeRef("", 2, text))) < 3000
 
 

@@ -266,7 +266,7 @@ def _taken(reader: DataReader[Any]) -> Any:
     return found[0]
 
 
-def test_what_is_no_message_of_ours_is_dropped_counted_and_logged_once(
+def test_foreign_messages_are_dropped_counted_and_logged_once(
     here: DDSTransport, there: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     kind = type_of(e.divide, Pattern.PUBLISH)
@@ -722,7 +722,7 @@ def test_commands_beyond_the_limit_are_dropped_counted_and_logged_once(
     assert sum("commands wait" in record.message for record in caplog.records) == 1
 
 
-def test_a_second_server_is_told_which_one_serves(here: DDSTransport, there: DDSTransport, name: str) -> None:
+def test_the_error_of_a_second_server_names_the_first(here: DDSTransport, there: DDSTransport, name: str) -> None:
     here.server(query(name), answering(here, bytes.upper))
     with pytest.raises(TransportError, match=rf"already served by tester \(pid {os.getpid()}\)"):
         there.server(query(name), answering(there, bytes.upper))
@@ -1080,7 +1080,7 @@ def test_a_program_that_forgets_to_close_ends_nevertheless(name: str) -> None:
         ("DDSTransport(TransportConfig())", "TransportError: dds: Cyclone DDS was in use when this process was forked"),
     ],
 )
-def test_a_forked_process_ends_and_is_told_that_nothing_of_this_works(name: str, doing: str, outcome: str) -> None:
+def test_a_forked_process_ends_and_its_calls_raise_errors(name: str, doing: str, outcome: str) -> None:
     out, code = _run(
         "t = DDSTransport(TransportConfig(OWN, 'forking'))",
         f"t.server(query({name!r}), answering(t, bytes.upper)); c = t.caller(query({name!r}))",
@@ -1239,7 +1239,7 @@ def test_a_network_that_is_not_there_is_an_error_that_names_those_that_are() -> 
         DDSTransport(TransportConfig({"domain": 79, "interface": "nowhere0"}))
 
 
-def test_one_process_too_many_is_told_what_to_do(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_process_too_many_gets_an_error_with_a_remedy(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CYCLONEDDS_URI", "<Discovery><MaxAutoParticipantIndex>1</MaxAutoParticipantIndex></Discovery>")
     complaint = r"participant index.*another `domain`.*MaxAutoParticipantIndex"
     with _Elsewhere(_echo_elsewhere, name, False, {"domain": 74}), pytest.raises(TransportError, match=complaint):

@@ -167,7 +167,7 @@ def test_a_topic_with_more_depth_than_the_resource_limits_is_refused_by_name(nam
     [(QoS(), None), (QoS(deadline=1.0), "deadline"), (QoS(Reliability.RELIABLE), "reliability")],
     ids=["nothing", "deadline", "reliability"],
 )
-def test_a_best_effort_publisher_of_another_program_is_heard_and_of_what_is_asked_for_it_is_told_what_is_missing(
+def test_a_foreign_best_effort_publisher_is_received_and_missing_qos_is_logged(
     here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture, asked: QoS, missing: str | None
 ) -> None:
     inbox: list[Any] = []
@@ -232,7 +232,7 @@ def test_a_publisher_of_another_program_is_heard_by_a_subscriber_that_names_no_i
         wait_until(lambda: link.sources() == [])
 
 
-def test_a_subscriber_of_another_program_that_asks_for_more_is_told_of(
+def test_a_foreign_subscriber_that_asks_for_more_is_logged(
     here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     here.outlet(Channel(name, Pattern.PUBLISH, _KIND))

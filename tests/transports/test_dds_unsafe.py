@@ -39,7 +39,7 @@ def test_a_missing_function_of_the_c_library_is_named() -> None:
         unsafe._function("dds_no_such_function")
 
 
-def test_nothing_is_told_of_an_end_that_is_closed() -> None:
+def test_a_closed_end_logs_nothing() -> None:
     assert unsafe.matched_subscriptions(0) == set()
     assert unsafe.matched_publications(0) == set()
     assert unsafe.take_endpoints(0, 1, print) == []

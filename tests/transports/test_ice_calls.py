@@ -151,7 +151,7 @@ def test_a_request_larger_than_its_server_takes_is_not_sent_and_says_so(opening:
 
 
 @both_ways
-def test_an_answer_larger_than_its_client_takes_is_told_as_a_failure(opening: Open, how: str) -> None:
+def test_a_reply_too_large_for_its_client_is_a_failure(opening: Open, how: str) -> None:
     here, there = opening(), opening(message_size_max=LIMIT)
     here.server(query(NAME), lambda payload, expires: Reply(Status.OK, blob(here, unblob(here, payload) * 2)))
     caller = there.caller(query(NAME))

@@ -111,7 +111,7 @@ def test_a_context_of_ours_is_one(messages: Any) -> None:
         ("", "UnknownException", "no reason given"),
     ],
 )
-def test_what_raised_elsewhere_is_told_with_its_class_where_that_is_known(
+def test_a_remote_exception_is_reported_with_its_class_if_known(
     messages: Any, unknown: str, kind: str, reason: str
 ) -> None:
     reply = messages.failure_told(unknown)

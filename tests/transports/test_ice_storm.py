@@ -97,7 +97,7 @@ def test_two_may_be_run_side_by_side_at_places_of_their_own(storm: str) -> None:
         assert process_of(storm) != process_of(other)
 
 
-def test_one_that_dies_is_told_and_started_again(storm: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_icestorm_that_dies_is_reported_and_restarted(storm: str, caplog: pytest.LogCaptureFixture) -> None:
     with hosted(storm):
         first = process_of(storm)
         os.kill(first, signal.SIGKILL)
@@ -138,7 +138,7 @@ def test_an_interrupt_while_it_starts_ends_the_program(storm: str, tmp_path: Pat
     assert b"KeyboardInterrupt" in said
 
 
-def test_without_an_icebox_it_is_told_what_to_install(
+def test_a_missing_icebox_is_reported_with_what_to_install(
     storm: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")

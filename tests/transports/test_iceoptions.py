@@ -88,7 +88,7 @@ def test_endpoints_may_omit_host_and_port_and_name_no_object() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_told_by_its_key(options: dict[str, Any], key: tuple[str, ...], code: str) -> None:
+def test_errors_are_reported_by_their_keys(options: dict[str, Any], key: tuple[str, ...], code: str) -> None:
     [complaint] = iceoptions.examine(options)
     assert (complaint.key, complaint.code) == (key, code)
     with pytest.raises(ConfigurationError, match=r"transports\.ice\."):

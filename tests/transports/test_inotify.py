@@ -44,7 +44,7 @@ def put(folder: Path, name: str) -> None:
     (folder / "draft").rename(folder / name)
 
 
-def test_what_comes_goes_or_is_replaced_is_told_and_that_the_folder_was_touched(folder: Path, watch: Watch) -> None:
+def test_created_removed_and_replaced_files_are_reported_and_a_touched_folder(folder: Path, watch: Watch) -> None:
     assert not told(watch, 0)
     put(folder, "file")
     assert told(watch)
@@ -61,7 +61,7 @@ def test_what_comes_goes_or_is_replaced_is_told_and_that_the_folder_was_touched(
     assert watch.watches(str(folder))
 
 
-def test_it_is_told_in_which_folders(folder: Path, watch: Watch) -> None:
+def test_the_changed_folders_are_reported(folder: Path, watch: Watch) -> None:
     others = [folder.with_name(name) for name in ("one", "two", "unwatched")]
     for other in others:
         other.mkdir()
@@ -78,7 +78,7 @@ def test_it_is_told_in_which_folders(folder: Path, watch: Watch) -> None:
     assert watch.changed() == set()
 
 
-def test_what_is_too_much_to_be_told_may_be_anywhere(folder: Path, watch: Watch) -> None:
+def test_an_overflow_reports_all_folders_as_changed(folder: Path, watch: Watch) -> None:
     other = folder.with_name("other")
     other.mkdir()
     watch.add(str(other))
@@ -93,7 +93,7 @@ def test_what_is_too_much_to_be_told_may_be_anywhere(folder: Path, watch: Watch)
     assert watch.changed() == {str(folder)}
 
 
-def test_a_folder_that_was_removed_is_told_and_not_watched_until_it_is_added_again(folder: Path, watch: Watch) -> None:
+def test_a_removed_folder_is_reported_and_not_watched_until_added_again(folder: Path, watch: Watch) -> None:
     folder.rmdir()
     assert told(watch)
     assert watch.changed() == {str(folder)}
@@ -131,7 +131,9 @@ def test_many_failing_watches_are_logged_once_in_a_while(folder: Path, caplog: p
         assert told_by_three() == 1
 
 
-def test_without_a_descriptor_nothing_is_told_and_nothing_fails(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_without_a_descriptor_nothing_is_reported_and_nothing_fails(
+    folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     with no_descriptors():
         watch = Watch(folder)
     assert "max_user_instances" in caplog.text

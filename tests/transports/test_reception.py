@@ -54,7 +54,7 @@ def test_without_a_qos_request_reception_is_off() -> None:
     assert not hearing.reception.on
 
 
-def test_every_message_is_told_when_it_comes_in() -> None:
+def test_every_message_is_reported_on_arrival() -> None:
     heard: list[str] = []
     hearing = Hearing(QoS(), heard.append)
     hearing.receive(1)
@@ -118,7 +118,7 @@ def test_the_shorter_lifespan_of_both_ends_holds(asked: float, offered: float) -
     assert hearing.deliver() == []
 
 
-def test_what_a_publisher_does_not_offer_is_told_once_with_what_to_do(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_qos_that_a_publisher_lacks_is_logged_once_with_a_remedy(caplog: pytest.LogCaptureFixture) -> None:
     hearing = Hearing(QoS(Reliability.RELIABLE, deadline=0.5))
     for _ in range(3):
         hearing.reception.meet([Source(FRONT, QoS(deadline=2.0)), Source(REAR, hearing.reception._channel.qos)])

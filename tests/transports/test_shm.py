@@ -466,7 +466,7 @@ def test_what_is_sent_right_before_closing_arrives(there: ShmTransport, size: in
         assert [len(news.get(timeout=SOON)), len(orders.get(timeout=SOON))] == [size, size]
 
 
-def test_a_request_is_served_while_its_sender_cannot_be_told_that_it_was_taken(
+def test_a_request_is_served_although_its_acknowledgement_cannot_be_sent(
     here: ShmTransport, there: ShmTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failures = [TransportError("no descriptor")]
@@ -781,7 +781,7 @@ def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
     assert looks
 
 
-def test_a_file_in_the_way_is_told_with_its_owner_and_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_obstructing_file_is_reported_with_its_owner_and_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(node.secrets, "token_hex", lambda _: "0123456789abcdef")  # as if it were known
     with opened_for_a_moment() as names:
         (shared,) = (Path("/dev/shm", name) for name in names if name.endswith(".global_mgmt"))

@@ -79,7 +79,7 @@ def test_where_slots_lie_otherwise_room_is_checked_instead(here: Node, monkeypat
     del kept
 
 
-def test_memory_is_populated_and_errors_are_told_apart() -> None:
+def test_memory_is_populated_and_errors_are_distinguished() -> None:
     memory = mmap.mmap(-1, mmap.PAGESIZE)
     address = np.frombuffer(memory, np.uint8).ctypes.data
     assert unsafe.populate(address + 8, 16, mmap.PAGESIZE) == 0

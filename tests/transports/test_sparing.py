@@ -5,7 +5,7 @@ from __future__ import annotations
 from robocomp_py.transports.sparing import FIRST, PAUSE, Repeats, Sparing
 
 
-def test_the_first_few_are_told_and_later_one_now_and_then() -> None:
+def test_the_first_messages_are_logged_and_later_ones_now_and_then() -> None:
     clock = 0.0
     sparing = Sparing(now=lambda: clock)
     told = []
@@ -16,7 +16,7 @@ def test_the_first_few_are_told_and_later_one_now_and_then() -> None:
     assert sum(told) == FIRST + 1000 // 100 - 1 or sum(told) == FIRST + 1000 // 100
 
 
-def test_of_what_repeats_each_way_is_told_now_and_then_with_how_many_were_not() -> None:
+def test_repeated_messages_are_logged_now_and_then_with_the_number_skipped() -> None:
     clock = 0.0
     repeats = Repeats(now=lambda: clock)
     assert [repeats.untold(way) for way in ("one", "other", "one", "one", "other")] == [0, 0, None, None, None]

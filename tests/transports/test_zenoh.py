@@ -116,7 +116,7 @@ def outsider(transport: ZenohTransport) -> Iterator[Any]:
     opened.close()
 
 
-def test_a_new_publisher_knows_a_subscriber_that_came_before_though_it_is_told_of_it_late(
+def test_a_new_publisher_knows_an_earlier_subscriber_although_its_token_is_late(
     transport: ZenohTransport,
 ) -> None:
     with contextlib.closing(Late(TransportConfig(owner="late"))) as late:
@@ -700,7 +700,7 @@ def test_a_reader_tells_what_it_took_no_more_often_than_its_sender_needs(
     telling.undeclare()
 
 
-def test_that_messages_of_a_reliable_publisher_were_lost_is_told_once(
+def test_lost_messages_of_a_reliable_publisher_are_logged_once(
     transport: ZenohTransport, outsider: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     heard = list[Any]()
@@ -738,7 +738,7 @@ def test_a_caller_without_a_reply_is_woken_at_the_end(
 # Who serves, and who meets.
 
 
-def test_a_second_server_is_told_which_is_the_first(transport: ZenohTransport, other: ZenohTransport) -> None:
+def test_the_second_servers_error_names_the_first(transport: ZenohTransport, other: ZenohTransport) -> None:
     transport.server(query("a/b/c"), answering(transport, bytes.upper))
     with pytest.raises(TransportError, match=rf"a/b/c: already served by calculator \(pid {os.getpid()}\)"):
         other.server(query("a/b/c"), answering(other, bytes.upper))

@@ -14,7 +14,7 @@ def key(link: int, channel: str = CHANNEL, fingerprint: int = 7) -> str:
     return "rc_lv/0/" + Token("serves", "-", fingerprint, 4711, link, channel).key_expr()
 
 
-def test_links_beyond_a_bound_are_not_noted_and_that_is_told_once(
+def test_links_beyond_the_limit_are_ignored_and_logged_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(table, "MOST_OF_OPERATION", 100)

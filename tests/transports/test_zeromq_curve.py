@@ -130,7 +130,7 @@ def test_on_one_host_no_key_is_needed(keys: Keys, outsider: Outsider, address: s
         other.close()
 
 
-def test_what_is_wrong_with_keys_is_told_before_anything_is_opened(keys: Keys) -> None:
+def test_wrong_keys_are_reported_before_anything_is_opened(keys: Keys) -> None:
     good = keys.options(free_port())
     (keys.folder / "empty").write_text("")
     (keys.folder / "empty").chmod(0o600)

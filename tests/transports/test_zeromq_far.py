@@ -243,7 +243,7 @@ def test_a_late_subscriber_gets_latched_messages_and_a_reliable_one_loses_nothin
     assert [decode(heard.get(timeout=SOON))[0] for _ in range(299)] == list(range(1, 300))
 
 
-def test_another_contract_is_told_on_both_sides(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+def test_another_contract_is_logged_on_both_sides(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
     camera, viewer = hosts.camera(), hosts.user("viewer")
     divide(camera)
     other = Channel(DIVIDE.name, Pattern.QUERY, TypeRef("", 12345, "operation other"))
@@ -365,7 +365,7 @@ def test_a_server_that_has_not_the_key_we_know_is_not_talked_to(hosts: Hosts, ca
     assert not caller.wait_peer(0)
 
 
-def test_a_client_without_keys_is_told_that_it_needs_some(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_client_without_keys_gets_an_error_that_says_so(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
     divide(hosts.camera())
     caller = hosts.user("viewer", with_keys=False).caller(DIVIDE)
     told = f"viewer: this process has no keys, and needs some (start it with --keys FOLDER) at {hosts.address} (camera)"
@@ -387,7 +387,7 @@ def test_without_a_key_of_a_server_nothing_is_opened(hosts: Hosts) -> None:
         hosts.user("viewer")
 
 
-def test_what_a_server_has_no_right_to_offer_is_not_believed(hosts: Hosts) -> None:
+def test_entries_that_a_server_has_no_right_to_are_ignored(hosts: Hosts) -> None:
     """The camera's keys are in wrong hands: they are good for the camera's channels, and for no others."""
     camera, viewer = hosts.camera(), hosts.user("viewer")
     gripper = Channel("robot/gripper/Everything/divide", Pattern.QUERY, DIVIDE.type)
@@ -422,7 +422,7 @@ def test_a_process_that_was_stopped_itself_does_not_count_others_as_gone(
     assert not neighbours.alive(other.id)
 
 
-def test_what_is_told_of_topics_is_taken_to_be_at_the_same_host() -> None:
+def test_addresses_of_topics_are_on_the_host_of_their_server() -> None:
     told = record("7-1", "eve", 7, [Entry("publishes", NEWS.name, 1, "", "tcp://6.6.6.6:41000#0a1b2c")])
     (entry,) = read_record(told, "eve", at="tcp://10.0.0.2:7501", rights=Rights()).entries
     assert entry.address == "tcp://10.0.0.2:41000#0a1b2c"
@@ -526,7 +526,7 @@ def test_four_hundred_silent_connections_do_not_block_others_and_are_closed(host
     "told",
     [b"", b"[", b"{}", b"[1,2]", b'{"id":1,"owner":2,"pid":3,"entries":4}', b"[" * 100_000, b'{"id":"x"}', b"\xff\xfe"],
 )
-def test_garbage_told_to_the_directory_does_no_harm(hosts: Hosts, told: bytes) -> None:
+def test_garbage_sent_to_the_directory_does_no_harm(hosts: Hosts, told: bytes) -> None:
     camera = hosts.camera(with_keys=False)
     divide(camera)
     socket = hosts.outsider.dealer(hosts.address)

@@ -121,7 +121,7 @@ def test_a_server_that_sends_a_message_without_an_end_is_cut_off(
     wait_until(lambda: "it sent a message of more than 256 MiB" in caplog.text)
 
 
-def test_a_flood_of_subscriptions_is_cut_off_and_told_once(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_flood_of_subscriptions_is_cut_off_and_logged_once(hosts: Hosts, caplog: pytest.LogCaptureFixture) -> None:
     camera, viewer = hosts.camera(with_keys=False), hosts.user("viewer", with_keys=False)
     outlet = camera.outlet(NEWS)
     got: list[object] = []

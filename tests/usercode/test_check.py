@@ -52,7 +52,7 @@ def test_a_complete_specific_part_has_no_findings() -> None:
     assert found(WHOLE) == []
 
 
-def test_all_that_is_missing_is_told_by_the_clause_that_asks_for_it() -> None:
+def test_missing_methods_are_reported_at_the_clauses_that_need_them() -> None:
     diagnostics = found("    pass\n")
     assert [(each.code, each.message) for each in diagnostics] == [
         (
@@ -102,7 +102,7 @@ def test_a_method_has_to_take_what_it_is_given(method: str, says: str) -> None:
     assert all(each.message.startswith(says) for each in diagnostics)
 
 
-def test_an_old_handler_is_told_with_what_it_may_have_been_renamed_to() -> None:
+def test_an_old_handler_is_reported_with_its_possible_new_name() -> None:
     [missing, uncalled] = found(STORE + STATES + "    def Vault_size(self): return 0\n")
     assert (missing.code, uncalled.code, uncalled.severity) == ("missing-handler", "uncalled-handler", "warning")
     assert uncalled.message == "`Vault_size` is not called by anything"
@@ -228,7 +228,7 @@ def test_methods_that_are_assigned_from_outside_count() -> None:
     assert found(f"    pass\n{after}", head) == []
 
 
-def test_a_file_that_is_no_python_is_told() -> None:
+def test_invalid_python_is_reported() -> None:
     [diagnostic] = found("    def Vault_count(self:\n")
     assert (diagnostic.code, diagnostic.span.source.position(diagnostic.span.start)[0]) == ("python-syntax", 3)
 

@@ -130,7 +130,7 @@ def test_so_are_structs_of_fixed_size(codec: Codec) -> None:
     ],
     ids=["texts", "lists", "dictionary"],
 )
-def test_a_sender_is_told_of_too_many_items(codec: Codec, kind: Type, values: Callable[[], Any]) -> None:
+def test_a_sender_gets_an_error_for_too_many_items(codec: Codec, kind: Type, values: Callable[[], Any]) -> None:
     with pytest.raises(EncodeError, match="1048576 items"):
         codec.encoder(one(kind))((values(),))
 

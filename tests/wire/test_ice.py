@@ -350,7 +350,7 @@ def test_what_is_not_declared_there_is_a_failure_that_names_it() -> None:
         Asked(KeyError(), (BASE,)).result(reply)
 
 
-def test_what_a_handler_breaks_by_is_told_by_the_codec_too() -> None:
+def test_an_exception_of_a_handler_is_reported_by_the_codec_too() -> None:
     asked = Asked(KeyError("on purpose"), ())
     reply = asked.reply()
     assert reply.status is Status.FAILED

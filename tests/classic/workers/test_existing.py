@@ -313,7 +313,7 @@ def test_an_unreadable_file_fails_only_the_code_that_imports_it(tmp_path: Path) 
 # What calls and is called.
 
 
-def test_what_their_code_raises_is_told_with_its_place_and_life_goes_on(
+def test_an_exception_of_user_code_is_logged_with_its_place_and_the_component_continues(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     code = """
@@ -377,7 +377,7 @@ def test_a_peer_that_is_gone_refuses_connections(arms: dict[str, Path], tmp_path
         assert isinstance(asking._user.seen[0], Unreachable)
 
 
-def test_a_method_that_is_missing_is_told_at_the_start_and_fails_when_called(
+def test_a_missing_method_is_reported_at_the_start_and_fails_when_called(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = server(tmp_path, "\n    def Arm_halt(self):\n        pass\n")

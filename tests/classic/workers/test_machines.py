@@ -102,7 +102,7 @@ def test_states_within_states_and_the_names_of_before_2020(tmp_path: Path) -> No
     assert arm.fine
 
 
-def test_what_a_slot_of_a_state_raises_is_told_and_the_machine_goes_on(
+def test_an_exception_of_a_states_slot_is_logged_and_the_machine_continues(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     start = "        self.compute_state.entered.connect(self.fail)\n        self.defaultMachine.start()\n"

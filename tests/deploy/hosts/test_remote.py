@@ -239,7 +239,7 @@ def test_what_runs_is_stopped_and_killed_and_what_it_uses_is_known(tmp_path: Pat
     scene(act)
 
 
-def test_a_program_that_is_not_there_is_told_at_its_start(tmp_path: Path):
+def test_a_missing_program_is_reported_at_its_start(tmp_path: Path):
     async def act() -> None:
         gone = replace(program(""), command=("/nowhere/driver",))
         async with serving(tmp_path) as server:
@@ -479,7 +479,7 @@ def test_a_host_that_does_not_answer_is_named(tmp_path: Path):
     scene(act)
 
 
-def test_a_host_without_that_python_is_told_where_to_name_one(tmp_path: Path):
+def test_a_missing_python_on_a_host_is_reported_with_a_remedy(tmp_path: Path):
     async def act() -> None:
         async with serving(tmp_path) as server:
             with pytest.raises(
@@ -490,7 +490,7 @@ def test_a_host_without_that_python_is_told_where_to_name_one(tmp_path: Path):
     scene(act)
 
 
-def test_a_host_that_lacks_packages_is_told_how_to_get_them(tmp_path: Path):
+def test_missing_packages_on_a_host_are_reported_with_a_remedy(tmp_path: Path):
     async def act() -> None:
         async with serving(tmp_path) as server:
             agent = server.agent(Heard(), needs={"numpy": "numpy>=1.26", "carrier_pigeon": "carrier-pigeon>=2"})

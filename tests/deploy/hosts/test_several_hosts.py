@@ -167,7 +167,7 @@ def test_a_host_with_a_changed_key_is_refused_until_it_is_trusted(site: Site):
     assert run.code == 130, run.text
 
 
-def test_a_host_that_dies_is_told_and_the_network_still_ends(site: Site):
+def test_a_host_that_dies_is_reported_and_the_network_still_ends(site: Site):
     robot = site.host("robot")
     site.host("base")
     net = site.network("Component echo : Echo { host robot; }; Component other : Echo { host base; };")

@@ -186,7 +186,7 @@ def test_an_agent_has_the_ports_that_robocomp_gives_it(ports: str) -> None:
     ]
 
 
-def test_an_agent_without_its_interfaces_is_told_which_are_missing() -> None:
+def test_missing_interfaces_of_an_agent_are_reported() -> None:
     found = workspace(**{"arm.cdsl": "Component arm { language python; options agmagent; };"})
     assert found.component(FOLDER / "arm.cdsl") is not None
     [warning] = found.report.diagnostics

@@ -86,7 +86,7 @@ _NAMES = {
 
 
 @pytest.mark.parametrize("name", _NAMES)
-def test_a_misspelt_name_is_told_with_the_one_that_is_meant(name: str, tmp_path: Path) -> None:
+def test_a_misspelt_name_is_reported_with_the_correct_one(name: str, tmp_path: Path) -> None:
     language, right, wrong, meant = _NAMES[name]
     holder, text = next((each, text) for each, text in language.RIGHT.items() if right in text)
     found = checked({**language.RIGHT, holder: text.replace(right, wrong, 1)}, tmp_path)
@@ -94,12 +94,12 @@ def test_a_misspelt_name_is_told_with_the_one_that_is_meant(name: str, tmp_path:
     assert [meant] in proposed, "\n".join(each.render() for each in found)
 
 
-def test_a_file_that_is_not_there_is_told_with_the_one_beside_it(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_with_the_one_beside_it(tmp_path: Path) -> None:
     (tmp_path / "explorer.idsl").write_text("module Explorer { };")
     [found] = checked({}, tmp_path, "exploer.idsl")
     assert (found.code, found.hint) == ("unreadable", "did you mean `explorer.idsl`?")
 
 
-def test_an_ending_is_told_with_the_one_that_is_meant(tmp_path: Path) -> None:
+def test_a_wrong_ending_is_reported_with_the_correct_one(tmp_path: Path) -> None:
     [found] = checked({"explorer.idl": "module Explorer { };"}, tmp_path)
     assert (found.code, found.hint) == ("unknown-language", "did you mean `.idsl`?")

@@ -44,7 +44,7 @@ def test_without_a_mistake_nothing_is_said(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), EVERY, ids=[f"{name}: {seed.name}" for name, seed in EVERY])
-def test_a_mistake_is_told_by_its_code_at_its_place_and_nothing_else_is(name: str, seed: Seed, tmp_path: Path) -> None:
+def test_an_error_is_reported_by_its_code_at_its_place_and_no_other_is(name: str, seed: Seed, tmp_path: Path) -> None:
     check_all_are_told(LANGUAGES[name], [seed], tmp_path)
 
 

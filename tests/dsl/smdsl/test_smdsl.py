@@ -235,7 +235,7 @@ def test_a_component_with_an_invalid_state_machine_is_not_linked() -> None:
     assert [each.code for each in found.report.diagnostics] == ["no-initial-state"]
 
 
-def test_a_file_that_is_not_there_is_told_with_what_may_be_meant(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_with_a_suggestion(tmp_path: Path) -> None:
     (tmp_path / "arm.cdsl").write_text('Component arm { language python; statemachine "amr.smdsl"; };')
     (tmp_path / "arm.smdsl").write_text(ROUND)
     found = Workspace()

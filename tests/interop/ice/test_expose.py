@@ -32,7 +32,7 @@ def test_ice_can_be_imported_and_nothing_else_and_a_second_time_changes_nothing(
     assert not others or run(python, "-c", "import pip").returncode == 1
 
 
-def test_what_is_no_environment_is_told(tmp_path: Path) -> None:
+def test_an_invalid_environment_is_reported(tmp_path: Path) -> None:
     done = run(sys.executable, EXPOSE, tmp_path)
     assert (done.returncode, "is not a virtual environment; make one" in done.stderr) == (1, True)
 

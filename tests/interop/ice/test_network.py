@@ -113,7 +113,7 @@ def test_rcdeploy_runs_icestorm_as_long_as_the_network_runs(made: Path, storm: s
     assert not Path(f"/proc/{pid}").exists()
 
 
-def test_one_that_dies_is_told_and_replaced_and_the_components_go_on(made: Path, storm: str) -> None:
+def test_an_icestorm_that_dies_is_reported_and_replaced_and_components_continue(made: Path, storm: str) -> None:
     with deployed(made, "robust", storm) as (_, lines):
         until_said("heard", lines)
         os.kill(process_of(storm), signal.SIGKILL)

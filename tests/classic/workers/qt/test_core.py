@@ -361,7 +361,7 @@ def test_processing_events_does_what_is_due_but_not_what_runs(component: Compone
     assert heard == ["begin", "news", "end"]
 
 
-def test_when_the_component_ends_it_is_told_once(component: Component, QtCore: Any) -> None:
+def test_about_to_quit_is_emitted_once_at_the_end(component: Component, QtCore: Any) -> None:
     heard: list[int] = []
     QtCore.QCoreApplication.instance().aboutToQuit.connect(lambda: heard.append(1))
     component.loop.close()

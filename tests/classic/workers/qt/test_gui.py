@@ -135,7 +135,7 @@ def test_a_window_lives_in_the_main_thread_until_a_signal_ends_it(
         assert program.ended() == 128 + number
 
 
-def test_what_a_slot_raises_is_told_and_it_goes_on(component: Callable[..., Path]) -> None:
+def test_an_exception_of_a_slot_is_logged_and_the_component_continues(component: Callable[..., Path]) -> None:
     body = """
     computed = 0
 
@@ -439,7 +439,7 @@ def test_a_window_that_cannot_be_made_ends_the_others_of_its_process_in_order(
     assert told.count("gone main") == told.count("came main")  # it may not even come, if the other one begins
 
 
-def test_what_a_slot_raises_is_told_by_the_component_it_is_of(component: Callable[..., Path]) -> None:
+def test_an_exception_of_a_slot_is_logged_by_its_component(component: Callable[..., Path]) -> None:
     failing = "\n    def compute(self):\n        self.timer.stop()\n        raise ValueError('bad')\n"
     with running(component(BODY, "fine"), component(failing, "failing")) as program:
         program.wait_for("failing ERROR: SpecificWorker.compute raised")
