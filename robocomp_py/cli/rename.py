@@ -32,6 +32,7 @@ examples:
   rc rename Vault.idsl Vault.size count       an operation: in models, in handlers Vault_size, in calls of proxies
   rc rename patrol.smdsl resting waiting      a state: methods sm_resting, transitions t_resting_to_…
   rc rename patrol.pdsl max_speed top_speed   a parameter: self.params.max_speed
+  rc rename patrol.cdsl poll look             a timer: method timer_poll, self.timers.poll
   rc rename --yes Vault.idsl Vault.size count
   rc rename --in robot Vault.idsl Vault Safe  an interface; in the models and components in robot/ and below
 
@@ -121,7 +122,7 @@ def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Pat
     from ..lsp.edits import apply
     from ..lsp.index import Index
     from ..lsp.project import Project, without_mark
-    from ..lsp.rename import by_file, rename
+    from ..lsp.rename import by_file, rename, users_of
 
     project = Project([folder], list(include))
     project.forget_disk()  # the cached relative paths may belong to another working directory
@@ -134,7 +135,7 @@ def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Pat
         texts[path] = apply(without_mark(project.text(path)), some)
         before = project.read(path)
         changes.add(path, before, _encoded(texts[path], before))
-    _change_code(changes, project, project.with_texts(texts.items()), index.files_that_need(home))
+    _change_code(changes, project, project.with_texts(texts.items()), users_of(index, symbol))
     return changes
 
 

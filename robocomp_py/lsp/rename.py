@@ -25,6 +25,7 @@ _RENAMED = {
     Kind.OPERATION,
     Kind.ARGUMENT,
     Kind.COMPONENT,
+    Kind.TIMER,
     Kind.PARAMETER,
     Kind.LIST,
     Kind.CHOICE,
@@ -163,7 +164,7 @@ def _mentions(index: Index, symbol: Symbol) -> Iterator[Mention]:
     for folder in _components_with(index, symbol) if pattern else ():
         for path in _code_in(folder)[:_MOST_CODE]:
             yield from _words_in(path, pattern)
-        if symbol.kind in (Kind.PARAMETER, Kind.LIST):
+        if symbol.kind in (Kind.PARAMETER, Kind.LIST, Kind.TIMER):
             yield from _keys_in(folder / "etc" / "config.toml", symbol.name.text)
 
 
@@ -180,6 +181,8 @@ def _in_python(symbol: Symbol) -> str:
             return rf"{name}\d*_\w+|{name.lower()}\d*_proxy|{name}(Proxy|Publisher)"
         case Kind.OPERATION:
             return rf"{owner}\d*_{name}|\w+_proxy\.{name}(Async)?"
+        case Kind.TIMER:
+            return rf"timer_{name}|timers\.{name}"
         case Kind.STATE:
             return rf"sm_{name}|t_{name}_to_\w+|t_\w+_to_{name}"
         case Kind.PARAMETER | Kind.LIST | Kind.STRUCT | Kind.ENUM | Kind.ENUMERATOR | Kind.EXCEPTION | Kind.FIELD:
@@ -190,7 +193,13 @@ def _in_python(symbol: Symbol) -> str:
 
 def _components_with(index: Index, symbol: Symbol) -> list[Path]:
     """The folders of the components that use a symbol."""
-    return list(dict.fromkeys(path.parent for path in index.files_that_need(symbol.name.span.source.path)))
+    return list(dict.fromkeys(path.parent for path in users_of(index, symbol)))
+
+
+def users_of(index: Index, symbol: Symbol) -> list[Path]:
+    """The models of the components whose code may use a symbol."""
+    home = symbol.name.span.source.path
+    return [home] if symbol.kind is Kind.TIMER else index.files_that_need(home)
 
 
 def _words_in(path: Path, pattern: str) -> Iterator[Mention]:

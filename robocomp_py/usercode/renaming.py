@@ -1,7 +1,7 @@
 """Renames something of a model in the Python code that uses it. Certain places are changed, others are listed.
 
-    handlers, methods and transitions of states     everywhere: `Vault_size`, `sm_resting`
-    operations of proxies, parameters               after `self.vault_proxy`, after `self.params`, and after names
+    handlers, methods of timers and of states       everywhere: `Vault_size`, `timer_poll`, `sm_resting`
+    operations of proxies, parameters, timers       after `self.vault_proxy`, `self.params`, `self.timers`, and names
                                                     that hold nothing else: `vault = self.vault_proxy`
     texts and fakes of tests                        `"Vault.size"`, `vault={"size": …}`
 
@@ -21,7 +21,7 @@ from ..codegen.names import loan, method, proxy_class, twin
 from ..contract.component import Component, Port
 from ..contract.interface import Pattern
 
-_PARAMS = "params"
+_PARAMS, _TIMERS = "params", "timers"
 _HARNESS = "ComponentTest"
 
 
@@ -67,6 +67,12 @@ def differences(before: Component, after: Component) -> Names:
         _note(found.words, ((old.method, new.method) for old, new in states))
         transitions = zip(before.machine.transitions, after.machine.transitions, strict=True)
         _note(found.words, ((old.trigger, new.trigger) for old, new in transitions))
+    timers = list(zip(before.timers, after.timers, strict=True))
+    _note(found.words, ((old.method, new.method) for old, new in timers))
+    periods: dict[str, str] = {}
+    _note(periods, ((old.name, new.name) for old, new in timers))
+    if periods:
+        found.members[_TIMERS] = periods
     if before.params and after.params:
         values = zip(before.params.parameters, after.params.parameters, strict=True)
         lists = zip(before.params.lists, after.params.lists, strict=True)

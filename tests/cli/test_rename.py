@@ -120,6 +120,21 @@ def test_a_state_and_a_parameter_are_renamed(robot: Path) -> None:
     assert is_whole(robot)
 
 
+def test_a_timer_is_renamed(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, code = robot / "user/user.cdsl", robot / "user/specificworker.py"
+    model.write_text(FILES["user/user.cdsl"].replace("language python;", "language python; timer poll 1 s;"))
+    timed = USER + "\n    def timer_poll(self) -> None:\n        self.timers.poll.period = 0.5\n"
+    code.write_text(timed)
+    (robot / "user/etc/config.toml").write_text("[timers]\npoll = 2.0\n")
+    assert rcgen(["net.ddsl"]) == 0
+    assert rc(["rename", "--yes", "user/user.cdsl", "poll", "look"]) == 0
+    assert "user/etc/config.toml" in capsys.readouterr().out
+    assert "timer look 1 s;" in model.read_text()
+    assert code.read_text() == timed.replace("poll", "look")
+    (robot / "user/etc/config.toml").unlink()
+    assert is_whole(robot)
+
+
 def test_an_interface_is_renamed(robot: Path) -> None:
     assert rc(["rename", "--yes", "Vault.idsl", "Vault", "Safe"]) == 0
     user = (robot / "user/specificworker.py").read_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +13,9 @@ import pytest
 
 from robocomp_py.contract.component import Component, PeriodicTimer
 from robocomp_py.errors import ComponentError, ConfigurationError
+from robocomp_py.runtime import settings
 from robocomp_py.runtime.clock import SECOND, Virtual, ns
+from robocomp_py.runtime.effective import as_toml, effective
 from robocomp_py.runtime.RoboCompCommonBehavior import TimerStatus
 from robocomp_py.runtime.timers import MAX_PENDING
 from robocomp_py.testing.patience import wait_until
@@ -104,6 +107,17 @@ def test_wrong_timers_in_a_configuration_are_told(find: Any) -> None:
         make(Polling, find, Virtual(), "timers.pol=1")
     with pytest.raises(ConfigurationError, match=r"timers\.poll"):
         make(Polling, find, Virtual(), "timers.poll=0")
+
+
+def test_the_environment_sets_a_period_and_the_effective_configuration_tells_it(find: Any) -> None:
+    document = settings.Document()
+    settings.environment(document, Polling.component, {"ROBOCOMP__TIMERS__POLL": "0.1"})
+    chosen = settings.check(Polling.component, document)
+    assert chosen.timers == {"poll": 0.1, "report": 0.5}
+    told = as_toml(effective(Polling.component, chosen, document, "inproc"))
+    assert re.search(
+        r"\[timers\]\npoll = 0.1 +# environment variable ROBOCOMP__TIMERS__POLL\nreport = 0.5 +# its .cdsl", told
+    )
 
 
 def test_the_status_of_a_component_has_its_timers(find: Any) -> None:
