@@ -20,13 +20,11 @@ from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from functools import partial
-from typing import Any, NamedTuple
 
 from ..contract.interface import Pattern
-from ..errors import AlreadyServed, Closed, ConfigurationError, Timeout, Unreachable
+from ..errors import Closed, ConfigurationError, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.identity import Identity
-from ..wire.names import matches
 from .base import (
     ANY_QOS,
     Channel,
@@ -42,10 +40,11 @@ from .base import (
     options_of,
     pass_on,
 )
+from .bus import Bus, BusLink, BusTransport
 from .deployment import Deployment, Near
 from .leader_followers import Job, Lane, LeaderFollowers, Servant
 from .limits import COMMANDS_WAITING, QUERIES_WAITING
-from .link import BaseLink, BaseTransport, Ends
+from .link import Ends
 from .pending import Pending
 from .reception import Reception
 from .turns import Turns
@@ -63,33 +62,10 @@ AT_ONCE = 64
 """Maximum number of requests to one server that threads of its transport run at the same time."""
 
 
-class _Bus:
-    """All links of the transports that share a bus. Its lock is never held while calling out."""
-
-    def __init__(self) -> None:
-        self.lock = threading.RLock()
-        self.version = 0
-        """Grows with every link that comes or goes."""
-        self.links: list[_Link] = []
+_BUSES: dict[str, Bus] = defaultdict(Bus)
 
 
-class _Seen(NamedTuple):
-    """A link, as its peers see it."""
-
-    link: Any
-    channel: str
-    fingerprint: int
-    text: str
-
-    @property
-    def key(self) -> int:
-        return id(self.link)
-
-
-_BUSES: dict[str, _Bus] = defaultdict(_Bus)
-
-
-class InprocTransport(BaseTransport[_Seen]):
+class InprocTransport(BusTransport):
     """Option `bus`: the name of the bus to join. Option `hand_over`: no calling thread runs a service.
 
     It covers calls to this transport and calls from it.
@@ -98,26 +74,18 @@ class InprocTransport(BaseTransport[_Seen]):
     capabilities = ANY_QOS
 
     def __init__(self, config: TransportConfig) -> None:
-        super().__init__()
-        self.codec: Codec = Identity()
         options = options_of(config, bus="default", hand_over=False)
+        super().__init__(_BUSES[options["bus"]])
+        self.codec: Codec = Identity()
         self.hand_over = options["hand_over"]
         if type(self.hand_over) is not bool:
             raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
-        self.bus, self.owner = _BUSES[options["bus"]], config.owner or "inproc"
+        self.owner = config.owner or "inproc"
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
         """Whether the receiving thread is about to check for overdue calls."""
         self._threads = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._threads.start()
-
-    def find(self, role: str, channel: str) -> list[_Seen]:
-        with self.bus.lock:
-            there = [link.seen for link in self.bus.links if link.role == role]
-        return [each for each in there if matches(each.channel, channel) or matches(channel, each.channel)]
-
-    def is_own(self, peer: _Seen) -> bool:
-        return peer.link.transport is self
 
     @property
     def idle(self) -> bool:
@@ -150,38 +118,7 @@ class InprocTransport(BaseTransport[_Seen]):
 def _nothing() -> None: ...
 
 
-class _Link(BaseLink[InprocTransport, _Seen]):
-    """One end of a channel."""
-
-    sides: tuple[str, str]
-    """This end and the other one. Links of different patterns do not meet."""
-    alone = False
-    """Whether a channel may have only one such link."""
-
-    def __init__(self, transport: InprocTransport, channel: Channel) -> None:
-        super().__init__(transport, channel)
-        self.role, self.facing = (f"{channel.pattern} {side}" for side in self.sides)
-        self.seen = _Seen(self, channel.name, channel.type.fingerprint, channel.type.text)
-        self._bus = transport.bus
-
-    def open(self) -> None:
-        with self._bus.lock:
-            if self.alone and self.matching(self.role):
-                raise AlreadyServed(f"{self.channel.name}: already served")
-            self._bus.links.append(self)
-            self._bus.version += 1
-        for link in (self, *(peer.link for peer in self.faced())):
-            link.look()
-            link.has_news()
-
-    def withdraw(self) -> None:
-        with self._bus.lock:
-            if self in self._bus.links:
-                self._bus.links.remove(self)
-            self._bus.version += 1
-
-
-class _Outlet(_Link, SupportsSubscribers):
+class _Outlet(BusLink[InprocTransport], SupportsSubscribers):
     sides = "outlet", "inlet"
 
     def __init__(self, transport: InprocTransport, channel: Channel) -> None:
@@ -189,8 +126,6 @@ class _Outlet(_Link, SupportsSubscribers):
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
         """Whether `send` never waits for subscribers, even reliable ones."""
         self._order = threading.Lock()
-        self._looked: tuple[int, list[_Inlet]] = -1, []
-        """The version of the bus, and the inlets that it had."""
         self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
         """The latest messages, each with its time (ns since the Unix epoch)."""
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
@@ -199,26 +134,20 @@ class _Outlet(_Link, SupportsSubscribers):
     @property
     def has_subscribers(self) -> bool:
         """Whether there is a subscriber, or a late one may want latched messages."""
-        return bool(self._inlets() or self._history.maxlen)
-
-    def _inlets(self) -> list[_Inlet]:
-        version = self._bus.version  # before the look, so that a later change causes another one
-        if self._looked[0] != version:
-            self._looked = version, [peer.link for peer in self.counterparts()]
-        return self._looked[1]
+        return bool(self.peers() or self._history.maxlen)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         self.check_open()
         end = time.monotonic() + deadline
         if self.channel.pattern is Pattern.COMMAND:
-            for inlet in self._inlets():
+            for inlet in self.peers():
                 self._give(inlet, payload, end)
                 return
             self.counterparts(strict=True)
             raise Unreachable(f"{self.channel.name}: no server")
         self.take_turn(self._order, deadline)
         try:
-            inlets = self._inlets()
+            inlets = self.peers()
             for inlet in inlets:
                 self._greet(inlet)
             if self._history.maxlen:
@@ -248,7 +177,7 @@ class _Outlet(_Link, SupportsSubscribers):
         inlet.have_drained()
 
 
-class _Inlet(_Link, SupportsSources):
+class _Inlet(BusLink[InprocTransport], SupportsSources):
     sides = "inlet", "outlet"
 
     def __init__(self, transport: InprocTransport, channel: Channel, sink: Sink) -> None:
@@ -285,7 +214,7 @@ class _Inlet(_Link, SupportsSources):
         self.lane.close()
 
 
-class _Caller(_Link):
+class _Caller(BusLink[InprocTransport]):
     sides = "caller", "server"
 
     def __init__(self, transport: InprocTransport, channel: Channel) -> None:
@@ -302,7 +231,7 @@ class _Caller(_Link):
 
     def ask(self, payload: Payload, deadline: float) -> Reply:
         version, server = self._found  # `_server` inlined, for speed; closing also changes the version
-        if version != self._bus.version:
+        if version != self.bus.version:
             server = self._server()
         if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
@@ -343,9 +272,9 @@ class _Caller(_Link):
         """The server of the channel. Raises Unreachable, ContractMismatch, Closed."""
         self.check_open()
         version, server = self._found
-        if version == self._bus.version:
+        if version == self.bus.version:
             return server
-        version = self._bus.version  # before the look, so that a later change causes another one
+        version = self.bus.version  # before the look, so that a later change causes another one
         for peer in self.counterparts(strict=True):
             self._found = version, peer.link
             return self._found[1]
@@ -375,7 +304,7 @@ _Asked = tuple[Payload, float, Callable[[Reply], object]]
 """A request, when it expires, and the function that takes its reply."""
 
 
-class _Server(_Link):
+class _Server(BusLink[InprocTransport]):
     """Runs its service on threads of its transport until it has proved to be prompt, then on the calling threads.
 
     Its transport runs at most `AT_ONCE` requests at a time. At most `QUERIES_WAITING` more wait; further ones are

@@ -6,15 +6,16 @@ that they can be recorded, and no component can change what another one holds. Q
 
 from __future__ import annotations
 
-import logging
+import contextlib
+import weakref
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from ..contract.interface import Pattern
-from ..errors import AlreadyServed, Closed, ContractMismatch, Timeout, TransportError, Unreachable
+from ..errors import Timeout, TransportError, Unreachable
 from ..runtime.clock import SECOND, ns
 from ..transports.base import (
     ANY_QOS,
@@ -23,25 +24,21 @@ from ..transports.base import (
     Service,
     Sink,
     Source,
-    Statistics,
     SupportsSources,
     SupportsSubscribers,
     TransportFactory,
     depth_of,
-    mismatch,
     pass_on,
     reply_of,
 )
+from ..transports.bus import Bus, BusLink, BusTransport
+from ..transports.leader_followers import Job
 from ..transports.limits import COMMANDS_WAITING
+from ..transports.link import Ends
 from ..transports.reception import Reception
 from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
-from ..wire.names import matches
 from .executor import Executor, Pause
-
-log = logging.getLogger("robocomp.transport.virtual")
-
-L = TypeVar("L", bound="_Link")
 
 
 class Listener(Protocol):
@@ -58,10 +55,7 @@ class Air:
     """What the transports of one simulation share: their links, and who listens to all of them."""
 
     def __init__(self, executor: Executor, listener: Listener) -> None:
-        self.executor, self.listener = executor, listener
-        self.links: list[_Link] = []
-        self.version = 0
-        """Grows with every link that comes or goes."""
+        self.executor, self.listener, self.bus = executor, listener, Bus()
 
     def factory(self, middleware: str) -> TransportFactory:
         """Opens what stands in for a middleware: links of different ones do not meet."""
@@ -74,136 +68,54 @@ class Air:
         return self.executor.now
 
 
-class VirtualTransport:
+class VirtualTransport(BusTransport):
     capabilities = ANY_QOS
 
     def __init__(self, air: Air, owner: str, middleware: str, *, hand_over: bool = False) -> None:
         """`hand_over`: its servers run as events of their own. Then calls end at their deadline, even if a handler
         waits longer. Otherwise calls are faster."""
+        super().__init__(air.bus)
         self.codec: Codec = Cdr()
-        self.air, self.owner, self.middleware, self.hand_over = air, owner, middleware, hand_over
-        self._links: list[_Link] = []
-        self._closed = False
+        self.air, self.owner, self.group, self.hand_over = air, owner, f"{middleware} ", hand_over
 
-    def outlet(self, channel: Channel) -> Outlet:
-        return self._open(Outlet(self, channel))
+    def do(self, job: Job) -> None:
+        self.air.executor.do(job)
 
-    def inlet(self, channel: Channel, sink: Sink) -> Inlet:
-        return self._open(Inlet(self, channel, sink))
-
-    def caller(self, channel: Channel) -> Caller:
-        return self._open(Caller(self, channel))
-
-    def server(self, channel: Channel, service: Service) -> Server:
-        return self._open(Server(self, channel, service))
-
-    def close(self) -> None:
-        self._closed = True
-        while self._links:
-            self._links.pop().close()
-
-    def _open(self, link: L) -> L:
-        if self._closed:
-            raise Closed("the transport is closed")
-        link.open()
-        self._links.append(link)
-        return link
+    def release(self, everything: contextlib.ExitStack) -> None: ...
 
 
-class _Link:
-    """One end of a channel; `facing` is the class of the other end."""
-
-    facing: type[_Link]
-    alone = False
-    """Whether a channel may have only one such link."""
-
+class _Link(BusLink[VirtualTransport]):
     def __init__(self, transport: VirtualTransport, channel: Channel) -> None:
-        self.transport, self.channel, self.air = transport, channel, transport.air
-        self.stats = Statistics()
-        self.closed = False
-        self._looked = -1
-        self._peers: list[_Link] = []
-        self._reported: set[str] = set()
-
-    def open(self) -> None:
-        """Raises AlreadyServed."""
-        if self.alone and any(type(other) is type(self) and self._meets(other) for other in self.air.links):
-            raise AlreadyServed(f"{self.channel.name}: already served")
-        self.air.links.append(self)
-        self.air.version += 1
-        for other in self.air.links:
-            if isinstance(other, self.facing) and self._meets(other) and self._agrees(other) and other._agrees(self):
-                self.met(other)
-                other.met(self)
-
-    def met(self, other: _Link) -> None:
-        """A peer with the same contract has come."""
-
-    def peers(self) -> list[_Link]:
-        """The peers with the same contract. Raises Closed, and ContractMismatch if there are only others."""
-        self.check_open()
-        if self._looked != self.air.version:
-            named = [each for each in self.air.links if isinstance(each, self.facing) and self._meets(each)]
-            self._peers = [each for each in named if self._agrees(each)]
-            if named and not self._peers:
-                raise ContractMismatch(mismatch(self.channel, named[0].channel.type))
-            self._looked = self.air.version
-        return self._peers
+        super().__init__(transport, channel)
+        self.air = transport.air
 
     def wait_peer(self, timeout: float) -> bool:
-        return bool(self.peers())
-
-    def check_open(self) -> None:
-        if self.closed:
-            raise Closed(self.channel.name)
-
-    def close(self) -> None:
-        if not self.closed:
-            self.closed = True
-            self.air.links.remove(self)
-            self.air.version += 1
-
-    def _meets(self, other: _Link) -> bool:
-        """Whether the other end has a matching channel. With `*`, links of the same component do not match."""
-        mine, theirs = self.channel, other.channel
-        same_name = matches(mine.name, theirs.name) or matches(theirs.name, mine.name)
-        itself = self.transport is other.transport and mine.name != theirs.name
-        same_way = self.transport.middleware == other.transport.middleware and mine.pattern is theirs.pattern
-        return same_name and same_way and not itself
-
-    def _agrees(self, other: _Link) -> bool:
-        """Whether the other end has the same contract; if not, that is reported once."""
-        same = self.channel.type.fingerprint == other.channel.type.fingerprint
-        if not same and other.channel.name not in self._reported:
-            self._reported.add(other.channel.name)
-            log.error("%s", mismatch(self.channel, other.channel.type))
-            self.stats.mismatched += 1
-        return same
+        """No time passes meanwhile."""
+        self.check_open()
+        return self.visible()
 
 
 class Outlet(_Link, SupportsSubscribers):
+    sides = "outlet", "inlet"
+
     def __init__(self, transport: VirtualTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
         self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
         """The latest messages, each with its time in ns."""
+        self._greeted: weakref.WeakSet[Inlet] = weakref.WeakSet()
+        """The subscribers that have got the history."""
 
     @property
     def has_subscribers(self) -> bool:
         """Whether there is a subscriber, or a late one may want latched messages."""
-        try:
-            return bool(self.peers()) or bool(self._history.maxlen)
-        except ContractMismatch:
-            return False
+        return bool(self.peers() or self._history.maxlen)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
-        try:
-            peers = self.peers()
-        except ContractMismatch:
-            if self.channel.pattern is Pattern.COMMAND:
-                raise
-            peers = []
+        self.check_open()
+        peers = self.peers()
         if self.channel.pattern is Pattern.COMMAND and not peers:
+            self.counterparts(strict=True)
             raise Unreachable(f"{self.channel.name}: no server")
         executor = self.air.executor
         executor.check_thread()
@@ -213,20 +125,21 @@ class Outlet(_Link, SupportsSubscribers):
             self._history.append((executor.now, payload))
         until = executor.now + ns(deadline)
         for peer in list(peers):
-            assert isinstance(peer, Inlet)
             if not peer.put(self.channel.name, executor.now, payload, may_be_lost=self._lossy, until=until):
                 raise Timeout(f"{self.channel.name}: a subscriber is too slow")
 
-    def met(self, other: _Link) -> None:
-        """Give a late subscriber what it missed."""
-        if other.channel.qos.latched:
-            assert isinstance(other, Inlet)
-            for instant, payload in self._history:
-                other.put(self.channel.name, instant, payload, may_be_lost=True, until=instant)
+    def look(self) -> bool:
+        """Give late subscribers what they missed."""
+        for inlet in self.peers():
+            if inlet.channel.qos.latched and inlet not in self._greeted:
+                self._greeted.add(inlet)
+                for instant, payload in self._history:
+                    inlet.put(self.channel.name, instant, payload, may_be_lost=True, until=instant)
+        return True
 
 
 class Inlet(_Link, SupportsSources):
-    facing = Outlet
+    sides = "inlet", "outlet"
 
     def __init__(self, transport: VirtualTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
@@ -245,7 +158,7 @@ class Inlet(_Link, SupportsSources):
         """Take a message of that channel; False if there was no room until that instant."""
         if self._reception.on:
             payload = self._reception.admit(name, instant, payload)
-        while len(self._waiting) >= self._depth and not self.closed:
+        while len(self._waiting) >= self._depth and not self.closed.is_set():
             if self._lossy:
                 self._waiting.popleft()
                 self.stats.dropped += 1
@@ -254,22 +167,19 @@ class Inlet(_Link, SupportsSources):
                 return True
             elif not self._wait_for_room(until):
                 return False
-        if not self.closed:
+        if not self.closed.is_set():
             self._waiting.append(payload)
             self.air.executor.do(self._deliver)
         return True
 
-    def met(self, other: _Link) -> None:
-        self._reception.meet([Source(other.channel.name, other.channel.qos)])
+    def look(self) -> bool:
+        self._reception.meet(self.sources())
+        return True
 
     def sources(self) -> list[Source]:
-        try:
-            return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers()]
-        except ContractMismatch:
-            return []
+        return [Source(outlet.channel.name, outlet.channel.qos) for outlet in self.peers()]
 
-    def close(self) -> None:
-        super().close()
+    def release(self) -> None:
         self._waiting.clear()
         self._tell_room()
 
@@ -301,10 +211,9 @@ class Inlet(_Link, SupportsSources):
         self._sink = wrapper(self._sink)
 
 
-Outlet.facing = Inlet
-
-
 class Caller(_Link):
+    sides = "caller", "server"
+
     def ask(self, payload: Payload, deadline: float) -> Reply:
         """Run the server on this thread. If it takes longer than the deadline, the call fails, but not before."""
         executor = self.air.executor
@@ -343,15 +252,16 @@ class Caller(_Link):
         return Timeout(f"{self.channel.name}: no answer in {deadline:g} s")
 
     def _server(self) -> Server:
-        found = next(iter(self.peers()), None)
-        if found is None:
-            raise Unreachable(f"{self.channel.name}: no server")
-        assert isinstance(found, Server)
-        return found
+        self.check_open()
+        server: Server
+        for server in self.peers():
+            return server
+        self.counterparts(strict=True)
+        raise Unreachable(f"{self.channel.name}: no server")
 
 
 class Server(_Link):
-    facing = Caller
+    sides = "server", "caller"
     alone = True
 
     def __init__(self, transport: VirtualTransport, channel: Channel, service: Service) -> None:
@@ -374,4 +284,4 @@ class Server(_Link):
             future.set_result(reply)
 
 
-Caller.facing = Server
+VirtualTransport.ends = Ends(Outlet, Outlet, Inlet, Inlet, Caller, Server)

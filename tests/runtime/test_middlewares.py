@@ -202,7 +202,7 @@ def test_a_way_that_fails_does_not_keep_a_publication_from_the_others() -> None:
         ways: Any = speaker.everything_proxy._bound["news"]
 
         class Broken:
-            heard = True
+            has_subscribers = True
 
             def send(self, *_: Any) -> None:
                 raise Timeout("nobody takes it")
