@@ -1,1 +1,1 @@
-"""Every claim about speed is a command here: ours and the raw library, side by side in one run."""
+"""Benchmarks: every claim about speed is a command here that measures ours and the raw library in one run."""

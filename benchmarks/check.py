@@ -1,4 +1,4 @@
-"""`python -m benchmarks.check`. The far ends are processes that import this again, so there is next to nothing here."""
+"""`python -m benchmarks.check`. The processes of the far ends import this module, too, so it is almost empty."""
 
 if __name__ == "__main__":
     import sys

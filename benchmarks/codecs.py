@@ -1,8 +1,8 @@
-"""Encoding and decoding by themselves: ours, and what users of the bare libraries have.
+"""Measures encoding and decoding alone: our codecs, and those of the bare libraries.
 
-XCDR1 beside the codec of the cyclonedds package, MessagePack beside `msgpack` with plain dicts and lists.
-Each side makes and takes what its users hold: ours arrays and objects of generated classes, the package
-its own objects, `msgpack` dicts. A cloud is a list of points on every side, an object or a dict for each.
+XCDR1 is compared with the codec of the cyclonedds package, MessagePack with `msgpack` and plain dicts and lists.
+Each side uses the objects of its users: ours arrays and generated classes, the package its own classes, `msgpack`
+dicts. A cloud is a list of points on every side, with an object or a dict for each point.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PIXELS, BEAMS, POINTS = 1_000_000, 720, 10_000
 
 @dataclass(frozen=True)
 class Row:
-    """Encoding and decoding once, in µs; `times` is how many times as quick ours is."""
+    """Encoding and decoding once, in µs; `times` is how many times faster ours is."""
 
     codec: str
     message: str
@@ -157,7 +157,7 @@ def _ours(codec: Codec, message: Any) -> Callable[[], object]:
 
 
 def _package(message: Any) -> Callable[[], object]:
-    """The codec of cyclonedds: the quickest that it takes, which is bytes for an image."""
+    """The codec of cyclonedds, with the fastest types that it accepts: bytes for an image."""
     from . import package_types as its
 
     kind, sample = its.sample(message)

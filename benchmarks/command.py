@@ -1,24 +1,24 @@
-"""How fast it is, beside the raw libraries and other frameworks, measured here and now.
+"""Measures components, the bare libraries and other frameworks on this machine.
 
   start      a component, from its process to `ready`, and its memory then
-  query      a question and its answer, between two processes: ours and the bare library by turns
-  peers      the same, beside other frameworks, of those that are installed (`make bench-peers`)
-  publish    a reliable topic: latency one way, and what gets through
-  loans      latency of messages that are filled where they are sent from
-  records    100,000 points as records, beside as many bytes and a list of objects
-  cpu        what components compute while nothing much happens
-  placement  small messages where both processes have one core, and where each has one of its own
-  threads    handlers run by the thread that received their message, and by another one
-  layers     where the time of a query goes; the codec of the cyclonedds package
-  codecs     encoding and decoding by themselves, beside the cyclonedds package and plain msgpack
-  memory     queries with large arrays, when glibc keeps freed memory
-  shared     memory in /dev/shm for messages of several sizes, and what is in use of it
-  languages  files read and checked; `rc lint` and `rcgen` as processes
+  query      a call and its reply between two processes: ours and the bare library in turn
+  peers      the same, compared with other frameworks that are installed (`make bench-peers`)
+  publish    a reliable topic: one-way latency, and throughput
+  loans      latency of messages that are filled in the memory that is sent
+  records    100,000 points as records, compared with as many bytes and with a list of objects
+  cpu        CPU time of components that are nearly idle
+  placement  small messages with both processes on one core, and on two cores
+  threads    handlers run by the thread that received the message, and by another one
+  layers     the parts of a query's time; the codec of the cyclonedds package
+  codecs     encoding and decoding alone, compared with the cyclonedds package and plain msgpack
+  memory     queries with large arrays, if glibc keeps freed memory
+  shared     memory in /dev/shm for messages of several sizes, and the part that is in use
+  languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
 
-Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, coded by the
-fastest way a user of it would take, without our header. Ratios count, not absolute figures: they are
-medians over short rounds taken by turns. A quiet machine still gives better ones.
+Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, used in the fastest way
+of its users, without our header. Trust ratios, not absolute figures: they are medians over short rounds taken in
+turn. A quiet machine still gives better ones.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ SIZES = (64, 1024, 65536, 1_000_000, 6_000_000)
 
 @dataclass
 class Found:
-    """By one measurement."""
+    """The results of one measurement."""
 
     rows: list[Any]
     tables: list[Table]
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _each(measure: Callable[..., list[Any]], middlewares: Sequence[str], effort: Effort) -> tuple[list[Any], list[str]]:
-    """Of one middleware after the other: what one of them fails in does not keep the others from being measured."""
+    """Measure one middleware after the other; a failure of one does not stop the others."""
     rows, failures = [], []
     for middleware in middlewares:
         try:
@@ -327,7 +327,7 @@ def _print(table: Table, options: argparse.Namespace) -> None:
 
 @contextlib.contextmanager
 def _limited(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in what takes longer: nobody may be there who would end it."""
+    """Raise TimeoutError after this time, because a benchmark may run unattended."""
 
     def ended(number: int, frame: object) -> None:
         raise TimeoutError(f"not done after {seconds:g} s")
@@ -342,4 +342,4 @@ def _limited(seconds: float) -> Iterator[None]:
 
 
 def _terminated(number: int, frame: object) -> None:
-    raise SystemExit(128 + number)  # so that everything is closed on the way out
+    raise SystemExit(128 + number)  # closes everything on the way out

@@ -1,4 +1,4 @@
-"""Components as processes of their own, as `rcdeploy` starts them, in a place where nobody else is."""
+"""Runs components as processes, as `rcdeploy` does, in a separate run-time folder."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Ready:
 def component(
     name: str, folder: Path, middleware: str, *settings: str, runtime: str = "", **environment: str
 ) -> Iterator[Ready]:
-    """The component of that name in a folder. It meets others that were given the same run-time folder."""
+    """The component of that name in a folder. It meets others with the same run-time folder."""
     with contextlib.ExitStack() as undo:
         here = undo.enter_context(place())
         command = [sys.executable, "-m", name, "--middleware", middleware, "--set", "component.log=warning"]

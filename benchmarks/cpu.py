@@ -1,8 +1,8 @@
-"""What components compute while nothing much happens, from what the kernel counts for their processes.
+"""Measures the CPU time of nearly idle components, as counted by the kernel for their processes.
 
-Idle: `components/speech`, which nobody calls; its `compute` runs ten times a second, and has nothing to do.
+Idle: `components/speech` without a client; its `compute` runs ten times a second and does nothing.
 Busy: a publisher, whose `compute` runs a hundred times a second and sends 1 KB, and a subscriber, both generated
-here and written as their users would. Nothing is measured until they have settled.
+here and written like user code. The measurement begins when they have settled.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class SpecificWorker(GenericWorker):
 
 @dataclass(frozen=True)
 class Row:
-    """In % of one core. Of a middleware that joins only threads there is no pair of processes."""
+    """In % of one core. A middleware within one process has no pair of processes."""
 
     middleware: str
     idle: float
@@ -111,7 +111,7 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
 
 
 def _idle(middlewares: tuple[str, ...], seconds: float) -> dict[str, float]:
-    """All at once: they do not disturb each other."""
+    """Measure all at once: they do not disturb each other."""
     with contextlib.ExitStack() as undo:
         ready = [undo.enter_context(component("speech", COMPONENTS, middleware)) for middleware in middlewares]
         return dict(zip(middlewares, _shares(ready, seconds), strict=True))
@@ -133,7 +133,7 @@ def _busy(middleware: str, folder: Path, seconds: float) -> tuple[float, float]:
 
 
 def _shares(ready: list[Ready], seconds: float) -> list[float]:
-    """% of one core that each used in so many seconds, once all have settled."""
+    """The share of one core in % that each used in these seconds, after all have settled."""
     time.sleep(min(SETTLED, seconds))
     begun, before = time.monotonic(), [cpu_seconds(each.pid) for each in ready]
     time.sleep(seconds)

@@ -87,7 +87,7 @@ def _peers(rows: Iterable[Mapping[str, Any]]) -> Chart:
 
 
 def _spread(rows: Iterable[Mapping[str, Any]]) -> Chart:
-    """How the round trips of the smallest array are distributed: the slower the call, the further to the right."""
+    """The distribution of the round trips of the smallest array; slower calls are further to the right."""
     rows = list(rows)
     smallest = min(row["size"] for row in rows)
     series = [
@@ -102,7 +102,7 @@ def _spread(rows: Iterable[Mapping[str, Any]]) -> Chart:
 
 
 def _percentiles(times: Mapping[str, Any]) -> list[Point]:
-    """One call in how many is slower, and its time."""
+    """Pairs of a number and a time: one call in this number is slower than the time."""
     known = {50.0: times["p50"]} | {float(share): each for share, each in times.get("percentiles", ())}
     known[99.0] = times["p99"]
     return [(100 / (100 - share), each) for share, each in sorted(known.items())]

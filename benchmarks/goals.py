@@ -1,6 +1,6 @@
-"""What is aimed at, and what was found: one table of both, for the first page.
+"""Goals and findings, in one table for the first page.
 
-A measurement makes findings, each for one goal. The guard compares their ratios with earlier ones.
+A measurement returns findings, each for one goal. The guard compares their ratios with earlier ones.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ GOALS = {
 
 @dataclass(frozen=True)
 class Finding:
-    """For one goal, of one `subject`; `case` tells several of a subject apart.
+    """A finding for one goal and one `subject`; `case` distinguishes several of one subject.
 
-    `ratio` is what the guard compares, if anything. `value` orders the findings of a goal; the ratio does if it is
-    absent. The greater either is, the worse.
+    The guard compares `ratio`, if there is one. `value` orders the findings of a goal; without it, the ratio does.
+    Greater is worse for both.
     """
 
     goal: str
@@ -56,7 +56,7 @@ class Finding:
 
     @property
     def name(self) -> str:
-        """What this is called among the others."""
+        """Its unique name."""
         return " · ".join(filter(None, (self.goal, self.subject, self.case)))
 
     @property
@@ -65,7 +65,7 @@ class Finding:
 
 
 def failed(goal: str, subject: str, case: str = "") -> Finding:
-    """There is no figure: what was to be measured did not work."""
+    """A finding without a figure: the measurement failed."""
     return Finding(goal, subject, case, "failed", met=False)
 
 

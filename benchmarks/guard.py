@@ -1,8 +1,8 @@
 """A guard against regressions: ratios measured in short rounds, compared with those of `baseline.json`.
 
-Ratios of ours to the bare library, not times: they are much the same on any machine, also on a busy one. What seems
-to have grown by more than its tolerance is measured again, up to three times, and the best counts; only what stays
-too large is complained about. `--write` makes this version the one to compare with.
+It compares ratios of ours to the bare library, because they are similar on every machine, even a busy one. A ratio
+that has grown by more than its tolerance is measured again, up to three times, and the best one counts. Only a ratio
+that stays too large is reported. `--write` makes this version the new baseline.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ TO_RAW = ("small", "large", "latency", "rate")
 
 @dataclass(frozen=True)
 class Probe:
-    """One measurement, of one middleware: what it finds can be had again without all the rest."""
+    """One measurement of one middleware, which can be repeated alone."""
 
     what: str
     middleware: str
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def compare(before: dict[str, float], chosen: Sequence[Probe], effort: Effort) -> list[Row]:
-    """What is found now beside what was found then; what seems worse is measured again."""
+    """New findings beside earlier ones; those that seem worse are measured again."""
     best: dict[str, float] = {}
     suspects = list(chosen)
     for _ in range(1 + AGAIN):
@@ -117,7 +117,7 @@ def compare(before: dict[str, float], chosen: Sequence[Probe], effort: Effort) -
 
 
 def _belongs(name: str, probe: Probe) -> bool:
-    """Whether this probe is to find a figure of that name."""
+    """Whether this probe finds a figure of this name."""
     goal, subject, *_ = name.split(" · ")
     return goal in GOALS_OF[probe.what] and (not probe.middleware or probe.middleware == subject)
 
@@ -131,7 +131,7 @@ def _medians(runs: Sequence[dict[str, float]]) -> dict[str, float]:
     return {name: statistics.median(run[name] for run in runs if name in run) for name in runs[0]}
 
 
-# What is looked at.
+# The probes.
 
 GOALS_OF = {
     "query": ("small", "large", "inproc"),
@@ -177,7 +177,7 @@ def _start(middleware: str, effort: Effort) -> list[Finding]:
 
 
 def _inproc(effort: Effort) -> list[Finding]:
-    """There is no bare library, so a query is compared with a piece of Python that does nothing of ours."""
+    """There is no bare library, so a query is compared with a piece of plain Python."""
     tell("query · inproc")
     with query.both("inproc", 10) as pairs:
         ask = partial(pairs[0].near.ask, query.some(64))

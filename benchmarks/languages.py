@@ -1,8 +1,8 @@
-"""How long files of the languages take to be read and checked, and `rcgen` to generate a component.
+"""Measures reading and checking files of the languages, and generating a component.
 
-In this process, as in an editor: grammars are there already, and one file changed. As whole processes, as
-on a command line: the interpreter, imports and grammars included. The least of several rounds is taken.
-The files are made here, and much like those that people have.
+Within this process, as in an editor: grammars are loaded, and one file has changed. As processes, as on a
+command line: with the interpreter, imports and grammars. The least of several rounds counts. The files are
+generated here, and similar to those of users.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _row(what: str, text: str, effort: Effort, goal: float | None) -> Row:
 
 
 def _check(text: str) -> None:
-    """Parse and check a text that nobody has read before."""
+    """Parse and check a text that was never read before."""
     path, data = Path("/nowhere/Big.idsl"), text.encode()
     workspace = Workspace(read=lambda wanted: data if wanted == path else read_file(wanted), middlewares=())
     workspace.check(path)
@@ -93,7 +93,7 @@ def _process(command: list[str], effort: Effort) -> float:
 
 
 def _least(call: Callable[[], None], rounds: int) -> float:
-    """The least seconds that a call takes: whatever else a machine does only adds to what is computed by one thread."""
+    """The least seconds that a call takes, because other work of the machine can only add to it."""
     taken = []
     for _ in range(rounds + 1):
         begun = time.perf_counter()
@@ -106,7 +106,7 @@ def _least(call: Callable[[], None], rounds: int) -> float:
 
 
 def interfaces(name: str, lines: int, imports: str = "") -> str:
-    """An IDSL file of about so many lines."""
+    """An IDSL file of about this number of lines."""
     written = [*imports.splitlines(), f"module RoboComp{name}", "{"]
     for number in range(max(1, lines // len(_definitions("")))):
         written += _definitions(f"{name}{number}")

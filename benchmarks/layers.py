@@ -1,8 +1,8 @@
-"""Where the time of a query goes: the bare library, our codec, calls and ports and monitor, our transport.
+"""Divides the time of a query among the bare library, our codec, our calls, ports and monitor, and our transport.
 
-Codecs are measured by themselves. Calls, ports and monitor are what remains of a query through a
-transport that is no more than a function call. The transport's adapter is the rest of the round trip:
-headers, deadlines, who is there, threads.
+Codecs are measured alone. The time of calls, ports and monitor is that of a query through a transport that is only
+a function call, without the codec. The rest of the round trip is the transport's adapter: headers, deadlines,
+discovery, threads.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class _Shortcut:
 
 
 def as_received(codec: Codec, payload: Any) -> Any:
-    """As it comes: without the tail that leaves room for a header, and in one piece if it is copied together."""
+    """A payload as it is received: without the tail for a header, and in one piece if the transport joins pieces."""
     if type(payload) is bytearray:
         return memoryview(payload)[: -len(TAIL)]
     return b"".join(payload) if isinstance(codec, Cdr) and isinstance(payload, list) else payload
@@ -94,7 +94,7 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
 
 
 def codec_of(middleware: str) -> Codec:
-    """That of a transport, without opening one."""
+    """The codec of a transport, without opening the transport."""
     if middleware == "zeromq":
         return MessagePack()
     if middleware == "zenoh":
@@ -109,7 +109,7 @@ def codec_of(middleware: str) -> Codec:
 
 
 def _our_coding(codec: Codec, data: Array) -> Callable[[], object]:
-    """All that a query encodes and decodes."""
+    """All encoding and decoding of a query."""
     ask, asked = codec.encoder(echo.request, snapshot=False), codec.decoder(echo.request)
     answer, answered = codec.encoder(echo.response), codec.decoder(echo.response)
     return lambda: answered(as_received(codec, answer(asked(as_received(codec, ask((data,)))))))
@@ -141,7 +141,7 @@ def _shortcut(codec: Codec, data: Array) -> Iterator[Callable[[], object]]:
 
 
 def _medians(calls: Sequence[Callable[[], object]], effort: Effort) -> list[float]:
-    """µs of each, measured by turns."""
+    """The median of each in µs, measured in turn."""
     measures = [partial(seconds_of, call, how_many(call, effort.seconds)) for call in calls]
     return [times(rounds).p50 for rounds in by_turns(measures, effort.rounds)]
 
@@ -160,13 +160,13 @@ def _more(microseconds: float) -> str:
 
 
 def package_codec(effort: Effort) -> Table:
-    """Of Cyclone DDS: what its Python package itself takes to code one array, which `raw` is spared."""
+    """The codec of Cyclone DDS's Python package for one array, which `raw` avoids."""
     from .raw_dds import Octets, encode
 
     rows = []
     for size in (64, 1024, 65536, 1_000_000):
         data = some(size)
-        sample, wire = Octets(data.tobytes()), encode(data)  # bytes are its quickest way
+        sample, wire = Octets(data.tobytes()), encode(data)  # bytes are its fastest type
         coding = (sample.serialize, partial(Octets.deserialize, wire))
         rows.append((octets(size), *map(us, _medians(coding, effort))))
     title = "the codec of the cyclonedds package, which `raw` does without"

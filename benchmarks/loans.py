@@ -1,7 +1,7 @@
-"""A message that is filled where it is sent from, to the handler that has its array in hand.
+"""Measures messages that are filled in the memory that is sent.
 
-The clock begins when it is filled, and ends when the handler looks at it. A large message should then take
-hardly longer than a small one. The next follows a millisecond later, as in `publish`.
+The time begins when the message is filled, and ends when the handler reads its array. A large message should take
+hardly longer than a small one. The next one follows a millisecond later, as in `publish`.
 """
 
 from __future__ import annotations

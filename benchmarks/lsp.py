@@ -1,8 +1,8 @@
-"""How long an editor waits: from a change of a file to the language server's diagnostics of it.
+"""Measures the time from a change of a file in an editor to the language server's diagnostics.
 
-Between two processes, over the server's stdin and stdout, with a client of the same library. The file is much like
-those that people have, and imports one that is shipped. It is changed as somebody types: one character after the other,
-so that every other text is wrong.
+Client and server are two processes, connected by the server's stdin and stdout. The file is similar to those of
+users, and imports a shipped one. It changes as if it was typed: one character after the other, so that every other
+text is wrong.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def run(effort: Effort, tell: Tell) -> list[Row]:
 
 
 async def _session(changes: int) -> list[float]:
-    """How long each change took."""
+    """The duration of each change."""
     from lsprotocol import types as lsp
     from pygls.lsp.client import LanguageClient
 
@@ -95,7 +95,7 @@ async def _session(changes: int) -> list[float]:
 
 
 def _text(typed: str) -> str:
-    """The file when so much of a definition in the middle of it has been typed."""
+    """The file with this much of a definition in the middle typed."""
     lines = interfaces("Big", LINES, _IMPORT).splitlines()
     middle = next(number for number, line in enumerate(lines) if number > LINES // 2 and line.startswith("    // What"))
     return "\n".join([*lines[:middle], f"    {typed}", *lines[middle:], ""])

@@ -1,4 +1,4 @@
-"""Where and with what something was measured; figures say little without that."""
+"""Describes the machine and the versions of a measurement, without which figures say little."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same queries with memory that stays in the process, instead of going back to the kernel each time."""
+"""Measures queries if freed memory stays in the process, instead of going back to the kernel each time."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
 
 
 def _queries(middlewares: list[str], effort: Effort, settings: dict[str, str]) -> list[dict[str, Any]]:
-    """What a benchmark of queries finds in processes with these settings."""
+    """The result of the benchmark of queries in processes with these settings."""
     with tempfile.TemporaryDirectory(prefix="rc-") as folder:
         file = Path(folder, "found.json")
         command = [sys.executable, "-m", "benchmarks", "--what", "query", "--json", str(file)]

@@ -1,4 +1,4 @@
-"""What the command lines here have in common."""
+"""Shared by the command lines of the benchmarks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def some_of(known: tuple[str, ...]) -> Callable[[str], tuple[str, ...]]:
 
 
 def tell(text: str) -> None:
-    """How far it is, on one line if somebody looks at it."""
+    """Show the progress, on one line if stderr is a terminal."""
     if sys.stderr.isatty():
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
     elif text:

@@ -1,4 +1,4 @@
-"""Our framework, as a component uses it: a generated-style proxy here, a handler there."""
+"""Our framework, as a component uses it: a proxy like a generated one, and a handler in the other process."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PUBLISHES, SUBSCRIBES = Port(Verb.PUBLISHES, TOPIC, proxy=ports.Proxy), Port(Ver
 
 
 class Handlers:
-    """What a user writes."""
+    """The handlers that a user writes."""
 
     def __init__(self, hear: Hear) -> None:
         self.Topic_news = hear
@@ -40,7 +40,7 @@ class Handlers:
 
 @dataclass
 class News:
-    """The message of the topic, to be filled where it is sent from."""
+    """The message of the topic, to be filled in place."""
 
     data: Array = field(default_factory=lambda: np.empty(0, np.uint8))
 
@@ -59,7 +59,7 @@ class Far:
                 router = route(self._transport, place.depth)
                 self._links += ports.bind_handlers(port, Handlers(hear), router, self._monitor)
         except BaseException:
-            self.close()  # else its threads would keep this process alive, and whoever waits for it would not notice
+            self.close()  # otherwise its threads would keep this process alive, and its parent would wait for ever
             raise
         self._monitor.open()
 
@@ -95,7 +95,7 @@ class Near:
             raise TimeoutError(exc) from exc
 
     def lend(self, data: Array) -> None:
-        """Publish the same by a loan: it is filled first, and then stamped with the time."""
+        """Publish the data by a loan: fill the message, then stamp it with the time."""
         with self._publishing._loan(news, News, (data.shape,), None) as message:
             message.data[:] = data
             stamp(message.data)

@@ -1,7 +1,7 @@
-"""A party at work: its near end here, its far end in another process, and a record of what that one heard.
+"""Runs a party: its near end in this process, its far end in another one, with a record of received messages.
 
-The other process ends when it is told to, and when this one has gone, however that happened. It
-ignores Ctrl-C, which a terminal sends to both: closing is in one place.
+The other process ends on request, and whenever this process is gone. It ignores Ctrl-C, which a terminal sends to
+both, because only this process closes things.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _spawn = multiprocessing.get_context("spawn")  # threads of these libraries do n
 
 
 class Record:
-    """When messages were sent and heard, in memory that two processes share. Times are `time.monotonic_ns`:
+    """When messages were sent and received, in memory that two processes share. Times are `time.monotonic_ns`:
 
     on Linux one clock for all processes of a host, so that they may be subtracted.
     """

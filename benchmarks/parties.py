@@ -1,7 +1,7 @@
-"""Who is compared: a party carries arrays between two processes, by our framework or by a bare library.
+"""The compared parties: each carries arrays between two processes, by our framework or by a bare library.
 
-Its far end, in a process of its own, answers every question with the array it was asked, and
-hears a topic. Its near end, in the measuring process, asks and publishes.
+Its far end, in a separate process, answers every query with the received array, and subscribes to a topic. Its near
+end, in the measuring process, calls and publishes.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ INT = struct.Struct("=q")
 
 
 def stamp(data: Array) -> None:
-    """Write into a message when it is sent."""
+    """Write the time of sending into a message."""
     INT.pack_into(data.data, 0, time.monotonic_ns())
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where two ends meet. No other program meets there."""
+    """The run-time folder where two ends meet, without other programs."""
 
     folder: str
     domain: int
@@ -77,10 +77,10 @@ class Near(Protocol):
 
 @runtime_checkable
 class Lender(Near, Protocol):
-    """Whose messages can be filled where they are sent from."""
+    """A party whose messages can be filled in place."""
 
     def lend(self, data: Array) -> None:
-        """Publish a message that was filled with this, and then stamped."""
+        """Publish a message that is filled with this data, and then stamped."""
         ...
 
 

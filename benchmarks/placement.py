@@ -1,7 +1,7 @@
-"""The same small query and publication, where both processes have one core, and where each has one of its own.
+"""Measures a small query and publication with both processes on one core, and on two cores.
 
-Otherwise the kernel decides, for each pair of processes, and may change its mind: then what is compared is where they
-happened to be, more than what they do.
+Otherwise the kernel places each pair of processes, and may move them: the comparison would then depend more on their
+places than on their work.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _latencies(middleware: str, size: int, pairs: list[Pair], effort: Effort) ->
 
 
 def _tie(pid: int, cores: set[int]) -> None:
-    """All threads of a process, those that have gone meanwhile excepted."""
+    """Tie all threads of a process, except those that have ended meanwhile."""
     for thread in Path(f"/proc/{pid}/task").iterdir():
         try:
             os.sched_setaffinity(int(thread.name), cores)

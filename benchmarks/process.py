@@ -1,4 +1,4 @@
-"""Processes of our own, which end with us."""
+"""Child processes, which end with this process."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _SCHEDULED = 2
 
 @contextlib.contextmanager
 def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that is asked to end, and made to if it does not. Not told by Ctrl-C, but by us.
+    """A process that is asked to end, and killed if it does not. It does not receive Ctrl-C.
 
-    One with a standard input of its own is asked by the end of that, so that it can close what it has opened.
+    A process with its own standard input is asked by closing that, so that it can clean up.
     """
     process: subprocess.Popen[bytes] = subprocess.Popen(command, start_new_session=True, **options)
     try:
@@ -43,7 +43,7 @@ def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen
 
 @contextlib.contextmanager
 def folder() -> Iterator[str]:
-    """A folder for sockets, whose paths have 107 bytes at most. What a killed run left is removed by the next one."""
+    """A folder for sockets, whose paths have at most 107 bytes. The next run removes leftovers of a killed one."""
     for left in Path("/tmp").glob("rcb-*-*"):
         if not Path("/proc", left.name.split("-")[1]).exists():
             shutil.rmtree(left, ignore_errors=True)
@@ -56,7 +56,7 @@ def folder() -> Iterator[str]:
 
 
 def cpu_seconds(pid: int) -> float:
-    """What a process has computed so far, its kernel time included, by its own clock: `ps` counts in steps of 10 ms."""
+    """The CPU time of a process so far, including kernel time, by its own clock: `ps` counts in steps of 10 ms."""
     return time.clock_gettime(~pid << 3 | _SCHEDULED)
 
 

@@ -1,11 +1,11 @@
-"""A topic, reliable, from one process to another: how long a message takes, and how many get through.
+"""Measures a reliable topic from one process to another: latency and throughput.
 
-Latency is one way: a message carries the time at which it was given to `publish`, and the first thing
-that the subscriber does is to look at the clock, which is the same for all processes of a host. The next
-one is sent a millisecond after that, so nothing queues up, and everybody has gone to sleep.
+Latency is one way: a message carries the time at which it was passed to `publish`, and the subscriber first reads the
+clock, which is the same for all processes of a host. The next message follows a millisecond later, so no message
+queues, and all threads sleep again.
 
-Throughput: messages are published one after the other, as fast as that goes; what counts is how many
-arrived, from when the first was sent to when the last one was heard. None should be lost.
+Throughput: messages are published one after the other, at full speed. It is the number of received messages, from
+sending the first to receiving the last. None should be lost.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _LOOK = 50e-6
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one party."""
+    """The figures of one party."""
 
     latency: Times
     rate: float
@@ -64,7 +64,7 @@ class Row:
 
 @dataclass
 class _Flood:
-    """Publishes as fast as it goes. `lost` counts what did not arrive."""
+    """Publishes at full speed. `lost` counts messages that did not arrive."""
 
     pair: Pair
     data: Array
@@ -86,7 +86,7 @@ class _Flood:
         return [len(heard) / (heard[-1][1] - begun) * 1e9]
 
     def choose(self, seconds: float) -> None:
-        """Publish so many that it takes about so long."""
+        """Choose a number of messages that takes about this long."""
         for _ in range(2):  # 20 say little about small ones
             self.count = max(20, min(MOST, int(self.rate()[0] * seconds)))
 
@@ -114,7 +114,7 @@ def _rows(middleware: str, depth: int, sizes: list[int], effort: Effort, tell: T
 
 @dataclass(frozen=True)
 class _Measured:
-    """Of each party, from one start to its end."""
+    """The measurements of each party, from one start to its end."""
 
     latencies: Rounds
     rates: Rounds
@@ -146,7 +146,7 @@ def _row(middleware: str, size: int, starts: list[_Measured]) -> Row:
 
 
 def latency_of(pair: Pair, publish: Callable[[Array], None], data: Array, seconds: float) -> Callable[[], list[float]]:
-    """What measures for about so long how many seconds messages take to the handler."""
+    """A function that measures, for about this long, the seconds from sending to the handler."""
     count = how_many(partial(_latencies, pair, publish, data, 1), seconds)
     return partial(_latencies, pair, publish, data, count)
 
@@ -167,7 +167,7 @@ def _latencies(pair: Pair, publish: Callable[[Array], None], data: Array, count:
 
 
 def _settle(count: Callable[[], int], wanted: int) -> None:
-    """Wait until all arrived, or none for a while."""
+    """Wait until all have arrived, or none arrives for a while."""
     seen, since = -1, time.monotonic()
     while (now := count()) < wanted and time.monotonic() - since < QUIET:
         if now != seen:

@@ -1,6 +1,6 @@
-"""A question and its answer, between two processes: through a generated-style proxy, and the bare library.
+"""Measures a query between two processes: through a proxy like a generated one, and by the bare library.
 
-The array that was asked comes back. One question at a time; the next follows at once.
+The reply is the array of the request. There is one query at a time; the next follows at once.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Row:
 
     @property
     def goal(self) -> str:
-        """The one for this size, if there is one."""
+        """The goal for this size, if there is one."""
         if self.middleware == "inproc":
             return "inproc" if self.size <= 1024 else ""
         return "small" if self.size <= 1024 else "large" if self.size >= 1_000_000 else ""
@@ -117,12 +117,12 @@ def both(middleware: str, depth: int) -> Iterator[list[Pair]]:
 
 
 def some(size: int) -> Array:
-    """An array whose memory is really there, as it would not be if it were all zeros."""
+    """An array whose memory is really allocated, unlike that of an array of zeros."""
     return np.random.default_rng(size).integers(0, 256, size, np.uint8)
 
 
 def round_trips(middleware: str, size: int, pairs: Iterable[Pair], effort: Effort) -> Rounds:
-    """Of each pair, in seconds."""
+    """The round trips of each pair, in seconds."""
     data = some(size)
     measures = []
     for pair in pairs:

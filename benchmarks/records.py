@@ -1,6 +1,6 @@
-"""Points as records: a query with 100,000 points of 20 bytes and the same answer, beside an array of as many bytes.
+"""Measures points as records: a query with 100,000 points of 20 bytes and the same reply, beside an array of bytes.
 
-The same points as a list of objects show what records are for.
+The same points as a list of objects show the gain of records.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How two are compared on a machine that is never quiet: in short rounds, by turns.
+"""Compares parties on a machine that is never quiet: in short rounds, in turn.
 
-What disturbs one round disturbs its neighbour much the same. So the ratio of two parties is the
-median over the rounds of the ratio within each round, and that is what to look at first.
+A disturbance affects neighbouring rounds in the same way. So the ratio of two parties is the median of the ratios
+within the rounds; look at it first.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ MOST_CALLS = 5000
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured: rounds per cell of a table, and seconds per round and party."""
+    """The extent of a measurement: rounds per cell of a table, and seconds per round and party."""
 
     rounds: int
     seconds: float
 
     @property
     def halved(self) -> Effort:
-        """For what explains rather than judges."""
+        """Half the effort, for measurements that explain others."""
         return Effort((self.rounds + 1) // 2, self.seconds)
 
     @property
@@ -36,7 +36,7 @@ class Effort:
 
     @property
     def watched(self) -> float:
-        """Seconds for which processes are watched that do little."""
+        """Seconds for which nearly idle processes are watched."""
         return 100 * self.seconds
 
 
@@ -45,7 +45,7 @@ FULL, QUICK = Effort(16, 0.1), Effort(3, 0.05)
 
 @dataclass(frozen=True)
 class Times:
-    """In µs: the median over rounds of their medians, the 99th percentile of all values, and others of all values."""
+    """In µs: the median of the rounds' medians, the 99th percentile of all values, and further percentiles."""
 
     p50: float
     p99: float
@@ -61,12 +61,12 @@ Rounds = list[list[list[float]]]
 
 
 def joined(starts: Sequence[Rounds]) -> Rounds:
-    """The rounds of the same parties, started several times, as if it had been once."""
+    """The rounds of parties that were started several times, joined."""
     return [[each for rounds in of_party for each in rounds] for of_party in zip(*starts, strict=True)]
 
 
 def by_turns(parties: Sequence[Callable[[], list[float]]], rounds: int) -> Rounds:
-    """What each party measured in each round. Whoever was last in a round is first in the next."""
+    """The measurements of each party in each round. The last party of a round is the first of the next."""
     found: Rounds = [[] for _ in parties]
     for number in range(rounds):
         turns = list(enumerate(parties))
@@ -76,7 +76,7 @@ def by_turns(parties: Sequence[Callable[[], list[float]]], rounds: int) -> Round
 
 
 def seconds_of(call: Callable[[], object], count: int) -> list[float]:
-    """How long each of so many calls took."""
+    """The duration of each of these calls."""
     taken, now = [], time.perf_counter
     for _ in range(count):
         begun = now()
@@ -86,7 +86,7 @@ def seconds_of(call: Callable[[], object], count: int) -> list[float]:
 
 
 def how_many(call: Callable[[], object], seconds: float) -> int:
-    """Calls that fill so many seconds, found by calling, which also warms up."""
+    """The number of calls that takes this long, found by calling, which also warms up."""
     end = time.perf_counter() + seconds / 2
     taken = seconds_of(call, 3)
     while time.perf_counter() < end:
@@ -95,7 +95,7 @@ def how_many(call: Callable[[], object], seconds: float) -> int:
 
 
 def times(rounds: list[list[float]]) -> Times:
-    """Of what was measured in seconds."""
+    """The times, from measurements in seconds."""
     everything = sorted(value for each in rounds for value in each)
 
     def percentile(percentage: float) -> float:
@@ -106,12 +106,12 @@ def times(rounds: list[list[float]]) -> Times:
 
 
 def ratio(ours: list[list[float]], raw: list[list[float]]) -> float:
-    """How many times as much ours took, or did."""
+    """The ratio of ours to raw."""
     pairs = zip(ours, raw, strict=True)
     return statistics.median(statistics.median(mine) / statistics.median(its) for mine, its in pairs)
 
 
 def difference(ours: list[list[float]], raw: list[list[float]]) -> float:
-    """How many µs more ours took, of what was measured in seconds."""
+    """The µs that ours took longer, from measurements in seconds."""
     pairs = zip(ours, raw, strict=True)
     return statistics.median(statistics.median(mine) - statistics.median(its) for mine, its in pairs) * 1e6

@@ -1,7 +1,7 @@
-"""Memory that `shm` has for messages of several sizes, beside the memory that is in use.
+"""Measures the memory that `shm` allocates for messages of several sizes, and the memory in use.
 
-One client and one server. What has memory is looked at after each round, and once more when nothing was sent for a
-while. A message is in use from when it is sent until the server drops it.
+There is one client and one server. The memory is read after each round, and once more after a pause. A message is in
+use from sending until the server drops it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _NAME = "shm/Benchmark/memory"
 
 @dataclass(frozen=True)
 class Row:
-    """In bytes. `used` is the most that was in use at once, `most` the most that had memory, `after` what still has."""
+    """In bytes. `used` is the maximum in use, `most` the maximum allocated, `after` the amount allocated at the end."""
 
     traffic: str
     used: int

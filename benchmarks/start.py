@@ -1,8 +1,8 @@
-"""From the start of a process to a component that says it is ready, and what of that is not ours.
+"""Measures the time from the start of a process to a ready component, and the part of Python and libraries in it.
 
-The component is `components/speech`: generated, serving four operations, waiting for nobody. Each
-middleware is used for all of it; on Zenoh it also runs the router. Files are in the disk cache, and
-Python's bytecode is compiled, as from the second start on.
+The component is `components/speech`: generated, with four operations, and without required peers. It uses one
+middleware for everything; on Zenoh it also runs the router. Files are in the disk cache, and Python's bytecode is
+compiled, as from the second start on.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SAY = "import os; os.write({0}, b'!')"
 
 @dataclass(frozen=True)
 class Row:
-    """Times in seconds, each from the start of a process of its own."""
+    """Times in seconds, each from the start of a separate process."""
 
     middleware: str
     interpreter: float
@@ -90,7 +90,7 @@ def _bare(code: str, kept: dict[str, str]) -> list[float]:
 
 
 def _component(middleware: str, kept: dict[str, str]) -> list[float]:
-    """Seconds until a component says that it is ready, and its memory then, in MB: its share, and all it sees."""
+    """Seconds until a component is ready, and its memory then, in MB: its share, and its resident memory."""
     with component("speech", COMPONENTS, middleware, **kept) as ready:
         return [ready.seconds, megabytes(ready.pid), megabytes(ready.pid, "Rss")]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Table:
-    """`name` is that of its mark in the page; the first `labels` columns are words, the others numbers."""
+    """`name` is the name of its mark in the page; the first `labels` columns are words, the others numbers."""
 
     name: str
     title: str
@@ -61,7 +61,7 @@ def times_as_much(ratio: float | None) -> str:
 
 
 def octets(size: int) -> str:
-    """A size as people say it. The steps are 1024 up to 64 KB and 1000 above, as the sizes measured are."""
+    """A size for people. The steps are 1024 up to 64 KB and 1000 above, like the measured sizes."""
     if size >= 1_000_000:
         return f"{size / 1e6:g} MB"
     return f"{size / 1024:g} KB" if size >= 1024 else f"{size} B"

@@ -1,7 +1,7 @@
-"""What it costs to hand a message over to another thread, before its handler runs.
+"""Measures the cost of handing a message over to another thread before its handler runs.
 
-The thread that received a message runs its handler, if it may. Here a second party does it the other way: what
-comes in is put into a queue, and a thread of its own takes it from there. Everything else is the same.
+Normally the thread that received a message runs its handler. Here a second party puts messages into a queue, from
+which another thread takes them. Everything else is the same.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Row:
 
 
 class HandedOver:
-    """A transport whose sinks and services are called by a thread of its own."""
+    """A transport whose sinks and services are called by a separate thread."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
@@ -95,7 +95,7 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
     rows = []
     for middleware in middlewares:
         if middleware == "inproc":
-            continue  # which lends the asking thread to the handler
+            continue  # inproc runs the handler in the calling thread
         parties = [
             Party(partial(ours.Far, middleware, through=through), partial(ours.Near, middleware))
             for through in (None, HandedOver)
@@ -111,7 +111,7 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
 
 @contextlib.contextmanager
 def _elsewhere() -> Iterator[Place]:
-    """Where both pairs serve the same operation, and must not meet."""
+    """A separate place for the second pair, which serves the same operation."""
     with place() as here:
         yield replace(here, domain=here.domain + 1)
 

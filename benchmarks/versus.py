@@ -1,8 +1,8 @@
-"""The same round trip through other frameworks: an array of octets to another process, and back.
+"""Measures the round trip through other frameworks: an array of octets to another process, and back.
 
-Each has its fastest way (see the modules in `peers`), two processes of its own, and its turn in every
-round. One that is not installed, or fails, is said to be so; the others are measured all the same.
-Services are asked; what has topics only is sent the array on one, and sends it back on another.
+Each framework uses its fastest way (see the modules in `peers`), has two processes, and takes its turn in every round.
+A framework that is missing or fails is reported, and the others are measured. Services are called; frameworks with
+topics only send the array on one topic and back on another.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Peer:
 
 @dataclass(frozen=True)
 class Row:
-    """Of one framework; by sizes, times in µs, and how many times as long as ours."""
+    """The results of one framework by size: times in µs, and ratios to ours."""
 
     name: str
     version: str
@@ -80,7 +80,7 @@ def run(middleware: str, peers: Iterable[Peer], sizes: Sequence[int], effort: Ef
 
 
 def _measure(size: int, rows: list[Row], sessions: list[_Session], effort: Effort) -> None:
-    """Add what is found for this size to the rows of those who are still there."""
+    """Add the results for this size to the rows of frameworks that have not failed."""
     for session in sessions:
         session.settle(size, effort.seconds)
     present = [session for session in sessions if not session.failure]
@@ -98,7 +98,7 @@ def _measure(size: int, rows: list[Row], sessions: list[_Session], effort: Effor
 
 
 class _Session:
-    """A framework whose two ends have met. What fails in it is told by `failure`."""
+    """A framework whose two ends are connected. `failure` describes its error."""
 
     def __init__(self, name: str, connection: socket.socket) -> None:
         self.name, self.failure, self.count = name, "", 0
@@ -111,7 +111,7 @@ class _Session:
         self._connection.close()
 
     def settle(self, size: int, seconds: float) -> None:
-        """Choose how many round trips take about so long; warm up."""
+        """Choose a number of round trips that takes about this long; warm up."""
         taken = self.round_trips(size, 3)
         if taken:
             end = time.perf_counter() + seconds / 2
@@ -120,7 +120,7 @@ class _Session:
             self.count = max(5, min(MOST_CALLS, int(seconds / statistics.median(taken))))
 
     def round_trips(self, size: int, count: int) -> list[float]:
-        """Seconds of each; none any more when something failed."""
+        """The seconds of each; empty after a failure."""
         if self.failure:
             return []
         try:
@@ -166,7 +166,7 @@ def _environment(folder: str) -> dict[str, str]:
     return os.environ | {"ROBOCOMP_RUNTIME_DIR": folder, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
-# Who there is.
+# The frameworks.
 
 
 def _ours(middleware: str) -> Peer:
@@ -262,7 +262,7 @@ PEERS = {
 }
 
 
-# What is shown.
+# Results.
 
 
 def table(rows: list[Row]) -> Table:

@@ -99,7 +99,7 @@ def test_a_component_with_hundreds_of_operations_runs_the_contract_that_is_gener
     assert len(operations) == 501
 
 
-def test_an_instance_that_failed_and_was_started_again_with_a_newer_contract_is_told(
+def test_an_instance_that_failed_and_was_started_again_with_a_newer_contract_is_reported(
     network: Path, capsys: Said
 ) -> None:
     change(network)

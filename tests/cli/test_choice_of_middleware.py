@@ -98,7 +98,7 @@ def test_what_an_earlier_choice_wrote_is_found_and_removed(network: Path, capsys
     assert f"no longer generated: {stale}" in capsys.readouterr().out
 
 
-def test_a_bad_name_written_into_the_generated_code_is_told(network: Path, capsys: Said) -> None:
+def test_a_bad_name_written_into_the_generated_code_is_reported(network: Path, capsys: Said) -> None:
     assert rcgen([str(network)]) == 0
     worker = network.parent / "client" / "generic" / "genericworker.py"
     worker.write_text(worker.read_text().replace('middleware = "auto"', 'middleware = "zerom-q"'))

@@ -106,7 +106,7 @@ def test_a_folder_without_such_files_is_a_mistake(folder: Path, capsys: Said) ->
         ("leg.idsl", "leg.idsl: error[unreadable]: cannot be read: No such file or directory"),
     ],
 )
-def test_what_cannot_be_formatted_is_told(folder: Path, capsys: Said, name: str, said: str) -> None:
+def test_a_file_that_cannot_be_formatted_is_reported(folder: Path, capsys: Said, name: str, said: str) -> None:
     (folder / "arm.isdl").write_text(LOOSE)
     assert rc(["fmt", name]) == 1
     assert said in capsys.readouterr().err

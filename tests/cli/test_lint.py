@@ -81,7 +81,7 @@ def test_in_a_folder_also_what_is_linked_there_is_checked_but_nothing_that_is_no
     assert [each["code"] for each in found if each["file"] == "hands/gone.idsl"] == ["unreadable"]
 
 
-def test_each_folder_in_which_there_is_nothing_to_check_is_told(
+def test_each_folder_in_which_there_is_nothing_to_check_is_reported(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("empty", "void"):

@@ -495,7 +495,7 @@ def test_a_new_component_runs_passes_its_test_and_is_up_to_date(inside: Path, ca
     assert "1 passed" in tested.stdout
 
 
-def test_a_new_component_goes_where_and_over_what_it_is_told(inside: Path) -> None:
+def test_a_new_component_uses_the_given_folder_and_middleware(inside: Path) -> None:
     assert rcgen(["--new", "greeter", "-o", "deep/er", "--middleware", "inproc"]) == 0
     worker = worker_of(inside / "deep" / "er")
     assert (worker.component.name, worker.middleware) == ("greeter", "inproc")

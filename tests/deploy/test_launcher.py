@@ -242,7 +242,7 @@ def test_a_process_that_floods_its_log_delays_no_other(tmp_path: Path) -> None:
 # How it starts.
 
 
-def test_a_program_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_program_is_reported(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         for process in (
             Process("it", "it", ("/no/such/program",), Path("/")),

@@ -54,7 +54,7 @@ def test_a_broken_table_header_is_noted_as_missing() -> None:
     assert mend("[params\nx = 1\n", HERE).lacks_header
 
 
-def test_of_a_very_long_text_the_first_mistake_is_told() -> None:
+def test_the_first_error_of_a_very_long_text_is_reported() -> None:
     text = "a = x\n" * MOST_CHARACTERS
     assert len(mend(text, HERE).errors) == 1
 

@@ -176,7 +176,7 @@ def test_a_held_lock_counts_whatever_its_file_contains(tmp_path: Path, monkeypat
     place.release()
 
 
-def test_a_place_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
+def test_a_place_where_nothing_can_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(DeploymentError, match="set ROBOCOMP_RUNTIME_DIR"):
         Place("Patrol", tmp_path / "file").take()

@@ -108,7 +108,7 @@ def test_a_request_for_as_much_or_less_is_met(check: Check, offered: str, asked:
     assert check(offered, asked) == []
 
 
-def test_what_the_configuration_asks_for_counts_and_its_place_is_told(check: Check) -> None:
+def test_the_configuration_counts_and_its_place_is_reported(check: Check) -> None:
     (fault,) = check("", "", config="[ports.LaserPub]\nqos = { deadline = 0.1 }\n")
     assert fault.code == "qos-mismatch"
     assert "config.toml:2" in fault.message

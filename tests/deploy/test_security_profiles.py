@@ -113,7 +113,7 @@ def test_each_process_of_a_lan_gets_the_place_of_its_keys_and_no_secret(tmp_path
     assert tmp_path / "camera" in camera.files
 
 
-def test_of_a_process_with_several_instances_each_is_told(tmp_path: Path) -> None:
+def test_each_instance_of_a_shared_process_is_reported(tmp_path: Path) -> None:
     plan = network()
     first = plan.processes[0]
     both = replace(first, command=(*first.command, "--set", "a=--name", "+", "/components/b", "--name", "b"))

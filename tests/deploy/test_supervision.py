@@ -398,7 +398,7 @@ def test_an_agent_that_breaks_ends_the_network_and_nothing_is_left() -> None:
     assert len(closed) == 2
 
 
-def test_what_keeps_agents_from_being_made_is_told() -> None:
+def test_errors_of_making_agents_are_reported() -> None:
     def none(plan: Plan, listener: Listener, note: Callable[[str], None]) -> Mapping[str, Agent]:
         raise DeploymentError("other hosts are reached by asyncssh, which is missing")
 

@@ -30,7 +30,7 @@ def test_values_that_no_process_reports_have_no_column() -> None:
     assert shown(quiet) == ["instance  state  restarts", "laser     ready         0"]
 
 
-def test_a_component_in_an_emergency_or_too_slow_is_told() -> None:
+def test_a_component_in_an_emergency_or_too_slow_is_reported() -> None:
     usual, slow = Life("compute", 0, 0, 0, __version__), Life("compute", 40, 2, 0, __version__)
     alarmed = Life("emergency", 0, 0, 0, "0.0.9")
     quiet = {"pid": None, "uptime": None, "cpu": None, "memory": None, "calls": None, "worst": None}

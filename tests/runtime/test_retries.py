@@ -87,7 +87,7 @@ def test_what_is_refused_again_and_again_is_refused(how: str) -> None:
     retrying.close()
 
 
-def test_after_three_attempts_the_last_reason_is_told(how: str) -> None:
+def test_after_three_attempts_the_last_reason_is_reported(how: str) -> None:
     caller = Scripted(GONE, GONE, Unreachable("and again"), OK)
     retrying = Retrying(caller)
     with pytest.raises(Unreachable, match="and again"):

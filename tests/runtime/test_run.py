@@ -368,7 +368,7 @@ def changing(find: Any, worker: type[Worker[Any]] = Changing) -> Iterator[tuple[
         yield made, change
 
 
-def test_dynamic_parameters_change_together_and_the_component_is_told(find: Any) -> None:
+def test_dynamic_parameters_change_together_and_the_component_is_notified(find: Any) -> None:
     with changing(find) as (worker, change):
         before = worker.params
         change(max_speed="1.5", verbose="true")
@@ -625,7 +625,7 @@ def test_what_cannot_is_refused(find: Any, hook: Any) -> None:
         make(type("Odd", (Calculator,), {"compute": hook}), find)
 
 
-def test_a_proxy_is_not_there_when_init_runs_and_the_remedy_is_told(find: Any) -> None:
+def test_a_proxy_is_missing_when_init_runs_and_the_remedy_is_reported(find: Any) -> None:
     class Hasty(Pupil):
         def __init__(self) -> None:
             super().__init__()

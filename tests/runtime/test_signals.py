@@ -95,7 +95,7 @@ def test_a_forked_process_can_exit_the_context_too() -> None:
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
-def test_a_signal_that_would_raise_something_while_it_is_entered_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_that_would_raise_something_while_it_is_entered_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     received: list[int] = []
     signals = Signals(received.append)
     start = signals._thread.start

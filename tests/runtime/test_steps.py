@@ -158,7 +158,7 @@ def test_what_its_code_raises_ends_it(find: Any) -> None:
     assert not made.end()
 
 
-def test_a_port_that_cannot_be_opened_is_told_by_begin(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_port_that_cannot_be_opened_is_reported_by_begin(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     clock = Virtual()
     first, second = make(Calculator, find, clock), make(Calculator, find, clock)
     assert first.begin()

@@ -131,7 +131,7 @@ def test_the_status_of_a_component_has_its_timers(find: Any) -> None:
     assert made.overruns == 0
 
 
-def test_an_unknown_timer_is_told(find: Any) -> None:
+def test_an_unknown_timer_is_reported(find: Any) -> None:
     worker = make(Polling, find, Virtual()).worker
     with pytest.raises(AttributeError, match=r"unknown timer `pol`; did you mean `poll`\?"):
         _ = worker.timers.pol

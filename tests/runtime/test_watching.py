@@ -121,7 +121,7 @@ def test_the_hook_of_a_publisher_gets_missed_deadlines_under_its_own_name(find: 
     assert worker.told[0][:4] == ("missed", "Everything", "news", "left")
 
 
-def test_a_manual_publisher_is_told_when_its_lease_ends(find: Any) -> None:
+def test_a_manual_publisher_is_notified_when_its_lease_ends(find: Any) -> None:
     sonar, listener = make(publisher(_MANUAL), find), make(subscriber(_MANUAL), find)
     with running(listener) as hears, running(sonar) as speaks:
         say(sonar, lambda: hears.numbers)

@@ -147,7 +147,7 @@ def test_a_missing_icebox_is_reported_with_what_to_install(
         assert "apt-get install zeroc-icebox libzeroc-icestorm3.7" in caplog.text
 
 
-def test_a_port_that_another_program_has_is_told(storm: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_port_of_another_program_is_reported(storm: str, caplog: pytest.LogCaptureFixture) -> None:
     place = place_of(storm)
     with socket.create_server((place.host, place.port)), hosted(storm):
         assert f"IceStorm cannot be run at {place}" in caplog.text

@@ -26,7 +26,7 @@ class _Gathers:
         self.gathered.append("end")
 
 
-def test_a_transport_that_gathers_is_told_where_gathering_begins_and_ends() -> None:
+def test_a_transport_that_gathers_learns_where_gathering_begins_and_ends() -> None:
     transport = _Gathers()
     with base.gathering(transport):  # type: ignore[arg-type]  # nothing else of a transport is used
         assert transport.gathered == ["begin"]

@@ -23,7 +23,7 @@ def test_a_key_that_is_roots_a_group_may_read_and_no_more() -> None:
     assert all(excess(mode, ROOT, US) for mode in (0o660, 0o650, 0o644, 0o642, 0o641))
 
 
-def test_the_mode_that_a_file_may_have_is_told(tmp_path: Path) -> None:
+def test_the_mode_that_a_file_may_have_is_reported(tmp_path: Path) -> None:
     key = tmp_path / "key.pem"
     key.touch()
     key.chmod(0o600)

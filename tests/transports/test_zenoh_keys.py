@@ -316,7 +316,7 @@ def test_a_client_that_the_router_refuses_learns_the_reason(world: World, what: 
         ZenohTransport(TransportConfig(options))
 
 
-def test_a_router_that_comes_back_with_another_authority_is_told(
+def test_a_router_that_comes_back_with_another_authority_is_reported(
     folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     world = World(folder)

@@ -150,7 +150,7 @@ def test_a_ping_is_answered(path: Path, raw: Callable[[], plain.socket]) -> None
         (b"", Gone),
     ],
 )
-def test_what_ends_a_connection_is_told(
+def test_the_end_of_a_connection_is_reported(
     path: Path, raw: Callable[[], plain.socket], words: bytes, kind: type[Gone]
 ) -> None:
     def serve() -> None:

@@ -251,7 +251,7 @@ def test_hooks_are_those_of_the_run_time() -> None:
         ("try:\n    from .generic import Old\nexcept ImportError:\n    pass", ""),
     ],
 )
-def test_a_module_that_is_not_generated_is_told(statement: str, module: str) -> None:
+def test_a_module_that_is_not_generated_is_reported(statement: str, module: str) -> None:
     generic = {f"generic/{name}": "" for name in ("genericworker", "params", "RoboCompVault")}
     head = f"{HEAD}{statement}\nclass SpecificWorker(GenericWorker):"
     diagnostics = found(WHOLE, head, **generic)

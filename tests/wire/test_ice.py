@@ -236,7 +236,7 @@ def test_classes_that_are_not_known_are_left_out_if_slices_say_their_size() -> N
     assert CODEC.decoder(thrown(BASE))(whole(SLICED)) == (LINES[BASE], 5)
 
 
-def test_otherwise_only_the_first_is_told() -> None:
+def test_otherwise_only_the_first_is_reported() -> None:
     assert CODEC.decoder(thrown(), prefix=True)(whole(COMPACT)) == ("Test::Derived",)
     with pytest.raises(DecodeError, match=r"a Test::Derived that is no Test::Base"):
         CODEC.decoder(thrown(BASE))(whole(COMPACT))

@@ -26,7 +26,7 @@ def test_an_unknown_dependency_is_not_waited_for() -> None:
     assert order(eye="nobody") == (["eye"], [])
 
 
-def test_of_each_cycle_the_step_that_closes_it_is_told() -> None:
+def test_the_closing_step_of_each_cycle_is_reported() -> None:
     assert order(a="b", b="c", c="a")[1] == [("c", "a")]
     assert order(a="a", b="c", c="b", d="a")[1] == [("a", "a"), ("c", "b")]
 
