@@ -102,6 +102,7 @@ class Executor:
         self._returned = threading.Lock()
         self._returned.acquire()
         self._failure: BaseException | None = None
+        self._is_stuck = False
 
     @property
     def stepping(self) -> Sequence[Stepped]:
@@ -126,9 +127,10 @@ class Executor:
         self._next_thread()
         try:
             self._returned.acquire()
-        except BaseException:  # Ctrl-C: the event that runs comes to its end first
-            self._until = lambda: True
+        except BaseException:  # Ctrl-C: the event that runs comes to its end first, unless there is a second one
+            self._until, self._is_stuck = lambda: True, True
             self._returned.acquire()
+            self._is_stuck = False
             raise
         finally:
             self._running = 0
@@ -143,8 +145,10 @@ class Executor:
         return self.run(lambda: self.events > events, end)
 
     def close(self) -> None:
-        """End all threads. Where user code waits, `wait` raises Closed. Idempotent."""
+        """End all threads, unless one is stuck in user code. Where that waits, `wait` raises Closed. Idempotent."""
         self.closed = True
+        if self._is_stuck:
+            return  # threads that still run end with the process
         while self._waiting or self._idle:
             turn = self._waiting.pop().turn if self._waiting else self._idle.pop()
             turn.release()

@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..common import FINE, INTERRUPTED, USAGE, WRONG, complain
+from ..common import FINE, USAGE, WRONG, complain, signalled
 from ..network import add_network, override_words
 from ..progress import Progress
 from .planning import planned
@@ -38,7 +39,8 @@ examples:
   rcdeploy simulate net.ddsl --for 60 --check          run twice, and name the first message that differs
 
 Equal runs have equal hashes. Ctrl-C ends a run as --for does.
-Exit status: 0 fine, 1 wrong input, a component failed, or runs differ, 2 usage, 130 Ctrl-C
+Exit status: 0 fine, 1 wrong input, a component failed, or runs differ, 2 usage,
+130/143 stopped by a signal
 """
 
 _SLICE = 0.25
@@ -130,8 +132,8 @@ def _run(sim: Simulation, options: argparse.Namespace) -> int:
                 ahead = sim.time / options.speed - (time.monotonic() - began)
                 if ahead > 0:
                     time.sleep(ahead)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    except (KeyboardInterrupt, SystemExit):  # the components finish, and the result is shown
+        return 128 + (signalled() or signal.SIGINT)
     if until and not _has_ended(sim, until) and not sim.failed:
         return complain(f"rcdeploy: {until} has not ended in {sim.time:g} s")
     return FINE
