@@ -41,6 +41,8 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.ice.ports": BUILD
     | MIDDLEWARES
     | {"Ice", "msgpack", "robocomp_py.runtime", "robocomp_py.classic"},
+    "robocomp_py.runtime.clock": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract", "robocomp_py.transports"},
+    "robocomp_py.runtime.timers": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.runtime.statechart": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.wire", "robocomp_py.transports"},
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},

@@ -228,16 +228,17 @@ class Running:
         with self._changing:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
+            is_ending = self.state in (State.FINISH, State.ENDED)
+            if self._agenda and is_ending:
+                self._agenda.end()
+            elif self._agenda and self.state is not State.COMPUTE:
+                self._agenda.pause()
             sleeping = list(self._sleeping)
         self._wake.set()
-        if self.state in (State.FINISH, State.ENDED):
+        if is_ending:
             for each in sleeping:
                 each.set()
-            if self._agenda:
-                self._agenda.end()
             self.monitor.turn_away()
-        elif self._agenda and self.state is not State.COMPUTE:
-            self._agenda.pause()
 
     # Starting and ending.
 
@@ -362,10 +363,10 @@ class Running:
         self.monitor.open()
         if not self._is_driven:
             self._watching.begin()
-        if self._agenda:
-            self._begin_timers(self._agenda)
         self._compute._beat = self.worker._beats(self.clock.now())
         self.ready.set()
+        if self._agenda:  # from now on, `after` does so
+            self._begin_timers(self._agenda)
         log.info("ready")
         self._tell("READY=1")  # last: the launcher then starts components that depend on this one
 
@@ -428,8 +429,9 @@ class Running:
         return handle
 
     def _begin_timers(self, agenda: Agenda) -> None:
-        if self.state is State.COMPUTE:
-            agenda.resume()
+        with self._changing:
+            if self.state is State.COMPUTE:
+                agenda.resume()
         if not self._is_driven:
             agenda.begin(self._fire)
 

@@ -167,7 +167,7 @@ class Agenda:
         now = self._clock.now()
         for each in self.timers:
             each._beat.restart(now)
-        self._runs = True
+        self._runs = not self._closed
         self._wake.set()
 
     def pause(self) -> None:

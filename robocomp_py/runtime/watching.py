@@ -141,6 +141,8 @@ class Watching:
 
     def due(self) -> int:
         """The time of the clock at which `look` should be called next."""
+        if not self._watched:
+            return NEVER
         due = min((each.due() for each in self._watched), default=math.inf)
         if due == math.inf:
             return NEVER
