@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -64,9 +65,11 @@ _OF_ROBOCOMP = ("librobocomp_", "pydsr", "agmlib", "AGMModule", "parseAGGL", "in
 
 def advice(exc: ModuleNotFoundError, folder: Path) -> str:
     """Which file lacks what, and how to come by it."""
-    name = exc.name or str(exc)
-    head = name.partition(".")[0]
     frames = frames_in(folder, exc)
+    name = exc.name or str(exc)
+    if frames:
+        name = _imported(name, Path(frames[-1][0].f_code.co_filename), frames[-1][1])
+    head = name.partition(".")[0]
     where = f"{frames[-1][0].f_code.co_filename}:{frames[-1][1]}" if frames else str(folder)
     if head in ("src", "generated"):
         return f"{where}: imports `{name}`, which is not there in {folder}"
@@ -83,6 +86,25 @@ def advice(exc: ModuleNotFoundError, folder: Path) -> str:
         return f"{absent} apt-get install {_OF_PYTHON[head]}"
     package = next((_PACKAGES[part] for part in _packages(name) if part in _PACKAGES), head)
     return f"{absent} pip install {package}"
+
+
+def _imported(missing: str, file: Path, line: int) -> str:
+    """What the import at a line of a file asks for below a missing package: Python names only the outermost."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, ValueError, SyntaxError):
+        return missing
+    for each in ast.walk(tree):
+        match each:
+            case ast.Import(names=names, lineno=first, end_lineno=last):
+                asked = [alias.name for alias in names]
+            case ast.ImportFrom(module=str(module), names=names, level=0, lineno=first, end_lineno=last):
+                asked = [f"{module}.{alias.name}" for alias in names]
+            case _:
+                continue
+        if first <= line <= (last or first):
+            return next((name for name in asked if name.startswith(f"{missing}.")), missing)
+    return missing
 
 
 def _packages(name: str) -> Iterator[str]:

@@ -265,6 +265,8 @@ def test_futures_are_imported_in_all_forms(tmp_path: Path) -> None:
         ("import cv2xyz", "imports `cv2xyz`, which is not installed here; try: pip install cv2xyz"),
         ("raise ModuleNotFoundError(name='tkinter')", "imports `tkinter`, which is not installed here; try: apt-get"),
         ("raise ModuleNotFoundError(name='google.protobuf')", "try: pip install protobuf"),
+        ("import os, google.protobuf.message as message", "try: pip install protobuf"),
+        ("from google import protobuf", "try: pip install protobuf"),
         ("raise ModuleNotFoundError(name='Ice')", "try: pip install 'robocomp-py[ice]'"),
         ("import mutex", "imports `mutex` of Python 2; in Python 3, use `threading.Lock`"),
         ("import RoboCompHand", "imports `RoboCompHand`, which no .idsl that its .cdsl imports defines"),
