@@ -347,6 +347,10 @@ class Lane:
         return not self._lossy and len(self._waiting) >= self._depth
 
     @property
+    def lossy(self) -> bool:
+        return self._lossy
+
+    @property
     def room(self) -> int:
         """How many messages `put` would take; a lossy lane takes any number, and is said to have its depth."""
         return self._depth if self._lossy else self._depth - len(self._waiting)

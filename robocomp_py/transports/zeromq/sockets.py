@@ -317,12 +317,12 @@ class Loop:
         os.set_blocking(self._wake_in, False)
         self._poller.register(self._wake_out, select.POLLIN)
 
-    def add(self, socket: Attended, *, watched: bool = True) -> None:
-        """Handle input of a socket. If not `watched`: now, and whenever `attend` is called."""
+    def add(self, socket: Attended, *, watched: bool = True, first: bool = False) -> None:
+        """Handle input of a socket. If not `watched`: now, and whenever `attend` is called. `first`: see `attend`."""
         self._sockets[socket.fileno] = socket
         if watched:
             self._poller.register(socket.fileno, select.POLLIN)
-        self.attend(socket)
+        self.attend(socket, first=first)
 
     def remove(self, socket: Attended) -> None:
         self.mute(socket)
@@ -343,10 +343,12 @@ class Loop:
             if not socket.closed:
                 self._resting[socket] = time.monotonic() + seconds, self._unregister(socket)
 
-    def attend(self, socket: Attended) -> None:
-        """Handle this socket next, even if its file descriptor reports no input."""
+    def attend(self, socket: Attended, *, first: bool = False) -> None:
+        """Handle this socket next, even if its file descriptor reports no input; `first`: before the other ones."""
+        if socket.awaited:  # it has its turn; further ones would add up, at the expense of others
+            return
         socket.awaited = True
-        self._ready.append(socket)
+        (self._ready.appendleft if first else self._ready.append)(socket)
         if self._sleeping:
             self._interrupt()
 
@@ -382,8 +384,9 @@ class Loop:
             if descriptor == self._wake_out:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._wake_out, 4096)
-            elif descriptor in self._sockets:
-                self._ready.append(self._sockets[descriptor])
+            elif (socket := self._sockets.get(descriptor)) and not socket.awaited:
+                socket.awaited = True
+                self._ready.append(socket)
         for _ in range(len(self._ready)):
             socket = self._ready.popleft()
             socket.awaited = False

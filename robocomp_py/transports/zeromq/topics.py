@@ -236,6 +236,8 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         self._channels: dict[str, str] = {}
         """By the ending of a publisher's address."""
         self._muted: deque[Subscription] = deque()
+        """Feeds that found no room. They are resumed before others, so that a publisher that floods does not starve
+        them."""
         self._id = f"{random_id():016x}"
         self._welcomed: set[str] = set()
         """The addresses of publishers that have confirmed the connection."""
@@ -333,11 +335,25 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 self.transport.forget(feed)
 
     def _on_message(self, address: str, feed: Subscription) -> list[Job]:
-        room = min(self._lane.room, BATCH)
-        if room <= 0 and self._pause(feed):
-            return []
+        most = min(self._lane.room, BATCH)
+        if most <= 0:
+            if self._pause(feed):
+                return []
+            most = 1
+        taken = self._take(address, feed, most)
+        if self._lane.lossy:  # it keeps the newest of all that is there
+            for _ in range(BATCH // most):
+                if not feed.more:
+                    break
+                taken += self._take(address, feed, most)
+        if feed.more:
+            self.transport.attend(feed)
+        return [self._drain] if taken else []
+
+    def _take(self, address: str, feed: Subscription, most: int) -> int:
+        """Move at most so many messages into the lane; how many it took."""
         try:
-            messages = feed.receive(max(1, room))
+            messages = feed.receive(most)
         except Gone as exc:
             if isinstance(exc, Garbled):
                 self.malformed(exc)
@@ -345,13 +361,11 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
             self._leave(address)
             self._incomplete = True  # it may still exist
             self.transport.within(TICK)
-            return []
-        if feed.more:
-            self.transport.attend(feed)
+            return 0
         admitted = [payload for frames in messages if (payload := self._admitted(address, frames)) is not None]
         if len(admitted) == 1:  # the usual case
-            return [self._drain] if self._lane.put(admitted[0]) else []
-        return [self._drain] if self._lane.put_all(admitted) else []
+            return int(self._lane.put(admitted[0]))
+        return self._lane.put_all(admitted)
 
     def _pause(self, feed: Subscription) -> bool:
         """Stop to receive until there is room; False if there is room by now."""
@@ -364,8 +378,8 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
 
     def _hear_all(self) -> None:
         with contextlib.suppress(IndexError):
-            while True:
-                self.transport.hear(self._muted.popleft())
+            while True:  # the last one first: each is put in front of the others
+                self.transport.hear(self._muted.pop())
 
     def _admitted(self, address: str, frames: Frames) -> Payload | None:
         """The payload to deliver; None if there is none."""

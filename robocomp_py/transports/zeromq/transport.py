@@ -222,9 +222,10 @@ class ZeroMQTransport(DirectoryTransport):
             self._loop.mute(subscription)
 
     def hear(self, subscription: Subscription) -> None:
+        """Go on to receive, from this one before the others."""
         with subscription.lock:
             if not subscription.closed:
-                self._loop.add(subscription)
+                self._loop.add(subscription, first=True)
 
     def wake(self) -> None:
         self._loop.wake()
