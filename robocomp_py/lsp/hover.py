@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 from ..contract.qos import PRESETS
+from ..dsl.ddsl.restarts import DEFAULTS
 from ..dsl.idsl.check import BUILTIN
 from ..transports.deployment import deployment_of
 from .index import Index
@@ -109,10 +110,10 @@ NETWORK_WORDS = {
     "never": "it is not started again",
     "on_failure": "it is restarted if it fails",
     "always": "it is restarted whenever it ends by itself",
-    "intensity": "how many restarts within a `period` are too many, 5 unless it is said",
-    "period": "the seconds within which restarts are counted, 60 unless it is said",
-    "delay": "the seconds before the first restart, 0.2 unless it is said; twice as many before each further one",
-    "max_delay": "the most seconds before a restart, 30 unless it is said",
+    "intensity": f"how many restarts within a `period` are too many, {DEFAULTS['intensity']:g} by default",
+    "period": f"the seconds within which restarts are counted, {DEFAULTS['period']:g} by default",
+    "delay": f"the seconds before the first restart, {DEFAULTS['delay']:g} by default; doubled before each further one",
+    "max_delay": f"the most seconds before a restart, {DEFAULTS['max_delay']:g} by default",
     "one_for_one": "only the failed instance is restarted",
     "rest_for_one": "the failed instance is restarted, and those that start after it",
     "one_for_all": "all instances of the system, or of the network, are restarted",
