@@ -17,8 +17,8 @@ NAME = "fmt"
 HELP = "format files of any of the languages"
 
 _ABOUT = """\
-Bring files into one style, in place. Neither what they mean nor their comments change; a file that has the style
-already is not touched, and neither is one whose syntax is wrong. There is nothing to configure.
+Format files in place. Their meaning and their comments do not change. A file that is already formatted, or has syntax
+errors, is not touched. There is nothing to configure.
 """
 _EXAMPLES = """\
 examples:
@@ -36,10 +36,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument(
-        "files", nargs="+", metavar="FILE", help="a file; a folder, for all that are in it and below; or - for stdin"
+        "files", nargs="+", metavar="FILE", help="a file, a folder with everything below it, or - for stdin"
     )
-    to.add_argument("--check", action="store_true", help="list the files that are not formatted, and change none")
-    to.add_argument("--diff", action="store_true", help="show what would change, and change nothing")
+    to.add_argument("--check", action="store_true", help="list the files that are not formatted; change no file")
+    to.add_argument("--diff", action="store_true", help="show what would change; change no file")
     to.add_argument("--language", metavar="NAME", help="what stdin is: idsl, cdsl, pdsl, ddsl or smdsl")
     to.set_defaults(usage_error=to.error)
 

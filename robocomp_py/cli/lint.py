@@ -43,7 +43,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="FILE",
-        help="a file of any of the languages, or a configuration; a folder, for all that are in it and below",
+        help="a file of any of the languages, a configuration, or a folder with everything below it",
     )
     how = to.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true", help="one diagnostic a line, as JSON on stdout")

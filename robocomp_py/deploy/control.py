@@ -77,7 +77,7 @@ class Lines(Protocol):
         """The newest lines of these processes (of all, if none is named), the oldest first."""
 
     def follow(self, sink: Callable[[Line], None]) -> Callable[[], None]:
-        """Have each line told from now on. Returns what ends that."""
+        """Call `sink` with each new line. Returns a function that ends this."""
 
 
 class Control:

@@ -1,4 +1,4 @@
-"""The places of the files that processes name, on another host."""
+"""Maps the files that processes name to their places on another host."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 from .plan import Process
 
 Places = Mapping[Path, str]
-"""Maps local files and folders to their names there."""
+"""Maps local files and folders to their names on the other host."""
 
 
 def places(processes: Iterable[Process], below: str) -> dict[Path, str]:
-    """A place in the folder `below` for all that these processes name, under its own name where that is free.
+    """A place in the folder `below` for each file that these processes name. It keeps its name if that is free.
 
-    Files inside a folder of the list keep their places in it. The same processes always get the same places.
+    Files inside a named folder keep their places in it. The same processes always get the same places.
     """
     paths = dict.fromkeys(path for process in processes for path in process.files)
     found: dict[Path, str] = {}
@@ -32,14 +32,14 @@ def places(processes: Iterable[Process], below: str) -> dict[Path, str]:
 
 
 def relocate(process: Process, moved: Places, python: str) -> tuple[str, ...]:
-    """The command of a process there, with the interpreter `python`."""
+    """The command of a process on the other host, with the interpreter `python`."""
     names = {str(path): place for path, place in moved.items()}
     first, *rest = (names.get(word, word) for word in process.command)
     return (first if process.is_program else python, *rest)
 
 
 def _free(name: str, taken: set[str]) -> str:
-    """This name, or one like it that is not taken yet, on whatever file system."""
+    """This name, or a similar one that is not taken, and is valid on every file system."""
     stem, dot, ending = name.partition(".")
     stem = re.sub(r"\W", "_", stem) or "_"  # a component's folder is a package
     name = f"{stem}{dot}{re.sub(r'[^A-Za-z0-9.]', '_', ending)}"

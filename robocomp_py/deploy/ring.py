@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 LINES, CHARACTERS = 1000, 65536
-"""How much is kept of each."""
+"""The most lines and characters that are kept of each process."""
 
 
 class Line(NamedTuple):
     """A line that a process printed."""
 
     at: float
-    """When it came, in seconds since the Unix epoch."""
+    """The time of its arrival, in seconds since the Unix epoch."""
     name: str
     text: str
 
@@ -28,7 +28,7 @@ Sink = Callable[[Line], None]
 @dataclass
 class _Kept:
     lines: deque[tuple[int, Line]] = field(default_factory=deque)
-    """With the number of the line among all."""
+    """Each with its number among the lines of all processes."""
     characters: int = 0
 
 
@@ -54,6 +54,6 @@ class Ring:
         return [line for _, line in reversed(newest)]
 
     def follow(self, sink: Sink) -> Callable[[], None]:
-        """Have each line told from now on. Returns what ends that."""
+        """Call `sink` with each new line. Returns a function that ends this."""
         self._sinks.append(sink)
         return lambda: self._sinks.remove(sink)

@@ -54,7 +54,7 @@ from .snapshot import HostStatus, Meter, Network, ProcessStatus, Snapshot
 from .telling import Display, Teller
 
 GRACE = 5.0
-"""Seconds a process has to end by itself, once told to, for each component in it: they end one after the other."""
+"""Seconds that a process may take to end after a request, for each component in it: they end one after the other."""
 
 REMIND = 5.0
 """Seconds until the waiting instances are reported; then twice as long each time, while nothing changes."""
@@ -71,7 +71,7 @@ REQUESTS = 1000
 _TERMINATING = (signal.SIGTERM, signal.SIGHUP)
 
 _LONGEST = 64
-"""How many times longer than the first one the wait for a reminder gets."""
+"""The longest wait for a reminder, as a multiple of the first one."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class Options:
     duration: float | None = None
     """Seconds to stay up, counted from when everything is ready; None is until stopped."""
     until: str | None = None
-    """The instance whose end is the end of the network."""
+    """The instance whose end stops the network."""
     grace: float = GRACE
     remind: float = REMIND
     signalled: Callable[[], int] = lambda: 0
-    """The signal that came before the network listens to any itself, if nothing has come of it; 0 if there was none."""
+    """Returns the signal that arrived before the network handles signals, and had no effect; 0 if there was none."""
 
 
 Service = Callable[[Network], AbstractAsyncContextManager[object]]
@@ -94,7 +94,7 @@ Agents = Callable[[Plan, Listener, Callable[[str], None]], Mapping[str, Agent]]
 
 
 def agents_of(plan: Plan, listener: Listener, note: Callable[[str], None]) -> dict[str, Agent]:
-    """This machine's, and one for each of the plan's hosts."""
+    """The agent of this machine, and one for each host of the plan."""
     from .hosts.fleet import remote_agents
     from .launcher.local import Launcher
 
@@ -113,8 +113,8 @@ async def run_plan(
 ) -> int:
     """Start a network, watch it, stop it.
 
-    Returns the exit code: 0; 1 if something failed and was not started again; 3 if a host was out of reach; or 128 +
-    the signal that stopped it.
+    Returns the exit code: 0; 1 if a process failed and was not restarted; 3 if a host was out of reach; or 128 + the
+    signal that stopped it.
     """
     return await _Run(plan, options, display, agents, clock, chance).run(services)
 
@@ -141,7 +141,7 @@ class _Run(Listener, Network):
         self._unreachable: dict[str, str] = {}
         """Why a host is out of reach."""
         self._contracts: dict[str, Mapping[str, str]] = {name: each.operations for name, each in plan.ours.items()}
-        """By instance; that of the plan until it has started and told its own."""
+        """By instance: that of the plan, until the instance has reported its own."""
         self._meter = Meter()
         self._began = clock()
         self._was_up = False
@@ -176,7 +176,7 @@ class _Run(Listener, Network):
             code = await self._open()
             if code is not None:
                 return code
-            async with contextlib.AsyncExitStack() as open_services:  # this network runs nowhere else: agents see to it
+            async with contextlib.AsyncExitStack() as open_services:  # the agents ensure that it runs only here
                 for service in services:
                     await open_services.enter_async_context(service(self))
                 return await self._supervised()
@@ -300,8 +300,8 @@ class _Run(Listener, Network):
     def _is_over(self) -> None:
         self._events.put_nowait(StopRequested(why="time limit reached"))
 
-    def _later(self, what: str, seconds: float, deed: Callable[[], None]) -> None:
-        self._timers[what] = asyncio.get_running_loop().call_later(seconds, deed)
+    def _later(self, what: str, seconds: float, action: Callable[[], None]) -> None:
+        self._timers[what] = asyncio.get_running_loop().call_later(seconds, action)
 
     # Reminders.
 
@@ -316,13 +316,13 @@ class _Run(Listener, Network):
         self._reminded = waiting
         self._remind_later()
 
-    # What is asked.
+    # Requests.
 
     def _interrupted(self, number: int) -> None:
         """The first Ctrl-C stops the network, the second kills it. A second SIGHUP does not: terminals may send two."""
-        is_order = number == signal.SIGINT and (self._stop_asked.is_set() or self._supervisor.stopping)
+        kills = number == signal.SIGINT and (self._stop_asked.is_set() or self._supervisor.stopping)
         self._stop_asked.set()
-        self._events.put_nowait(StopRequested(128 + number, 0.0 if is_order else None))
+        self._events.put_nowait(StopRequested(128 + number, 0.0 if kills else None))
 
     def ask(self, event: RestartRequested | StopRequested) -> None:
         if self._events.qsize() > REQUESTS:
@@ -345,7 +345,7 @@ class _Run(Listener, Network):
                 if self._supervisor.progress[each].is_stuck:
                     raise DeploymentError(f"{each} cannot be started: it was killed but has not ended")
 
-    # What agents tell.
+    # Events of agents.
 
     def output(self, name: str, line: str) -> None:
         self._teller.line(name, line)
@@ -382,7 +382,7 @@ class _Run(Listener, Network):
         self._unreachable.pop(host, None)
         self._events.put_nowait(Back(host))
 
-    # How it is.
+    # State.
 
     def _measure(self) -> None:
         for each in self._commands.values():
@@ -444,7 +444,7 @@ def _noticed(done: asyncio.Future[Any]) -> None:
 
 
 def children(plan: Plan, grace: float) -> list[Child]:
-    """The processes of a plan, as far as their supervisor is concerned."""
+    """The processes of a plan, as their supervisor sees them."""
     needs = _needs(plan)
     keeping = {host.name for host in plan.hosts if host.keep}
     return [
@@ -466,7 +466,7 @@ def children(plan: Plan, grace: float) -> list[Child]:
 
 
 def _needs(plan: Plan) -> dict[str, set[str]]:
-    """Without which instances each process does not become ready: a component waits for what it requires."""
+    """The instances that each process needs to become ready: a component waits for those that it requires."""
     process = {instance: each.name for each in plan.processes for instance in each.instances}
     found: dict[str, set[str]] = {}
     for link in plan.links:
@@ -477,9 +477,9 @@ def _needs(plan: Plan) -> dict[str, set[str]]:
 
 
 def run(plan: Plan, options: Options, display: Display, services: Sequence[Service] = ()) -> int:
-    """`run_plan`, from code that is not asynchronous, with what its middlewares need to be there first.
+    """Run a plan from synchronous code, with the helper processes of its middlewares.
 
-    Raises TransportError or ConfigurationError if that cannot be had.
+    Raises TransportError or ConfigurationError if a helper cannot run.
     """
     with contextlib.ExitStack() as end, contextlib.ExitStack() as hosted, contextlib.suppress(asyncio.CancelledError):
         owner = f"rcdeploy {plan.name}"
@@ -497,7 +497,7 @@ def run(plan: Plan, options: Options, display: Display, services: Sequence[Servi
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """While entered, what cleans up is not ended by being told to end once more."""
+    """While entered, a further SIGTERM or SIGHUP does not interrupt the cleanup."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in _TERMINATING}
     try:
         yield

@@ -70,7 +70,7 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
         return True
 
     def meet(self, found: Iterable[Found]) -> None:
-        """These are the publishers now."""
+        """Set the present publishers."""
         self._reception.meet(_source(each) for each in found)
 
     def sources(self) -> list[Source]:
@@ -81,7 +81,7 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
 
         `channel` is that of its publisher, which may differ from this one by `*`.
         """
-        if not self._ledger.knows(header.source):  # its publisher may offer a lifespan, and be newer than our last look
+        if not self._ledger.knows(header.source):  # a publisher newer than the last look may offer a lifespan
             self.meet(self.counterparts())
         admitted = self.admitted(channel, header, payload)
         return self._lane.drain if admitted is not None and self._lane.put(admitted) else None

@@ -1,4 +1,4 @@
-"""How a component of RoboComp's own generator is known, and what its ports mean."""
+"""Recognizes components of RoboComp's own generators, and adjusts the meaning of their ports."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ def accepts(folder: Path) -> bool:
 
 
 def component(component: Component) -> Component:
-    """RoboComp's generators take `requires Laser(ice)` and `requires Laser` for the same: no port has a middleware."""
+    """The component with ports whose middleware is open: for RoboComp's generators, `requires Laser(ice)` means
+    `requires Laser`."""
     ports = (replace(port, middleware=None) if port.middleware == "ice" else port for port in component.ports)
     return replace(component, ports=tuple(ports))

@@ -1,6 +1,6 @@
-"""Removes what killed components left in the run-time folder: sockets, pipes, claims, shared memory.
+"""Removes leftovers of killed components from the run-time folder: sockets, pipes, claims, shared memory.
 
-The next process that opens the same middleware does so, too, but after the end of a network there may be none.
+The next process that opens the same middleware does this, too, but a network that ends may be the last one.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from ...errors import RobocompError
 
 
 def clear_up() -> None:
-    """Blocks for a moment. Raises nothing: what remains is harmless, and the next process removes it."""
-    from ... import installed  # the keeper needs this at its end only
+    """Blocks for a moment. Raises nothing: leftovers are harmless, and the next process removes them."""
+    from ... import installed  # needed only at the end
     from ...transports.base import TransportConfig, find_transport
     from ...transports.deployment import deployment_of
     from ...transports.directory import clear, runtime_dir

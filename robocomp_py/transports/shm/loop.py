@@ -43,16 +43,16 @@ class Loop:
         self._ready: deque[Attending] = deque()
         self._jobs: deque[Job] = deque()
         self._queued = True
-        """Whether there may be messages."""
+        """Whether the queue may hold messages."""
         self._taken = 0
         self._next_tick = 0.0
         self._sleeping = False
         self._afterwards: list[Callable[[], object]] = []
         self.afterwards = self._afterwards.append
-        """Have the receiving thread do this soon: after the current jobs, or on the next leader."""
+        """Schedules a call on the receiving thread, after the current jobs."""
 
     def add(self, number: int, link: Attending) -> None:
-        """Have a link attended to whenever that wake-up number arrives."""
+        """Take input of a link whenever this wake-up number arrives."""
         self._attending[number].append(link)
         self.attend(link)
 
@@ -61,7 +61,7 @@ class Loop:
             self._attending[number].remove(link)
 
     def attend(self, link: Attending) -> None:
-        """Look at this link next, whatever wake-ups came."""
+        """Take input of this link in the next `receive`, without a wake-up."""
         if link not in self._ready:
             self._ready.append(link)
         if self._sleeping:
@@ -74,7 +74,7 @@ class Loop:
             self._own.wake(QUEUED)
 
     def wake(self) -> None:
-        """Tick now: something became due earlier."""
+        """Run the next tick now, because something became due earlier."""
         self._own.wake(LOOK)
 
     def receive(self) -> Iterable[Job]:
@@ -123,8 +123,8 @@ class Loop:
     def _one(self, number: int) -> Sequence[Job] | None:
         """Take the one message that the wake-up announced. None if the wake-up was for something else.
 
-        A look for more takes time, which can be spent `afterwards`. Messages in the queue are different: a client with
-        a reply often calls again before this thread would sleep.
+        Looking for further messages takes time, so it is done `afterwards`. Messages in the queue are different: a
+        client that has got its reply often calls again before this thread would sleep.
         """
         links = tuple(self._attending[number])  # a copy, since links may be removed at any time
         if len(links) != 1:

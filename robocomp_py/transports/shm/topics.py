@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     from .transport import ShmTransport
 
 LEAST_AHEAD, MOST_AHEAD = 32, 256
-"""So many messages, at least and at most, may be on their way to a reader; the depth, if it is between them."""
+"""The least and the most messages that may be on their way to a reader. Between these limits, it is the depth."""
 
 FEW_AHEAD, BYTES_AHEAD = 4, 8 * 1024 * 1024
-"""Of large messages fewer, but so many: about so many bytes. More would not stay in the processor's caches."""
+"""For large messages: at least this number, and about this number of bytes. More would not fit into CPU caches."""
 
 _SMALL = BYTES_AHEAD // MOST_AHEAD
 
 SPARE = 8
-"""Further ones for which there is room, since a reader may begin to read before it is counted."""
+"""Room for further messages, because a reader may begin to read before it is counted."""
 
 SHARE = 8
 """Maximum number of messages that a reader may keep without a copy."""
 
 SHARES = 16
-"""Maximum number of readers that may keep so many; with more readers, each may keep less."""
+"""Maximum number of readers that may keep `SHARE` messages; with more readers, each may keep less."""
 
 LOANS = 16
 """Maximum number of messages that are written at the same time."""
@@ -71,11 +71,11 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan
         self._readers: dict[tuple[str, str], _Known] = {}
         self._wakers: list[tuple[Waker, int]] = []
         self._seen = 0
-        """The number of readers that iceoryx2 knew when we last looked; -1 if that is not known any more."""
+        """The number of readers that iceoryx2 knew at the last look; -1 if that is no longer known."""
         self._missing = False
-        """Whether that was another number than that of the subscribers in the directory."""
+        """Whether the directory then had another number of subscribers."""
         self._looked_at = -1
-        """The version of the directory when we last looked."""
+        """The version of the directory at the last look."""
         self._number = self.transport.number()
         self.transport.attend_to(self._number, self)
         self.announce(f"{self._number}/{self._source:016x}")
@@ -156,13 +156,13 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan
         return all(key in self._readers for key in there)
 
     def _opened(self) -> Writer:
-        """The writer, for a message that is kept for later subscribers, or that is filled before one has come."""
+        """The writer, even without subscribers: for messages that are kept for later ones, and for loans."""
         with self._looking:
             self.check_open()
             return self._writer or self._open_topic()
 
     def _open_topic(self) -> Writer:
-        """Make what a topic needs. A publisher without subscribers does without: it takes memory and descriptors."""
+        """Open the topic. A publisher without subscribers has none, because it takes memory and descriptors."""
         self._seen = -1  # a subscriber may connect before this returns: a thread that is sending looks, too
         service, port = self.transport.node.new_topic(
             f"{self.transport.member.id}.{self._number}",
@@ -177,7 +177,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan
         return writer
 
     def on_input(self, *, one: bool = False) -> tuple[Job, ...]:
-        """A subscriber has woken us: it begins to read, or it has read as much as we waited for."""
+        """A subscriber sent a wake-up: it begins to read, or it has read as much as this publisher waited for."""
         self._backlog.called()
         self._meet_new_readers()
         return ()
@@ -201,7 +201,7 @@ class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan
         return bool(self._wakers) or self._history > 0
 
     def close(self) -> None:
-        if self._writer and not self.closed.is_set():  # while our readers still hear us
+        if self._writer and not self.closed.is_set():  # while readers can still receive
             self._backlog.settle(self._sent, self.transport.settling())
         super().close()
 

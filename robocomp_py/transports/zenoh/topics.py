@@ -143,7 +143,7 @@ class Publisher(Link, SupportsSubscribers):
 
     def _matches(self) -> bool:
         try:
-            status: Any = self._publisher.matching_status  # its stub says bool, which it is not
+            status: Any = self._publisher.matching_status  # its type stub wrongly says bool
             return bool(status.matching)
         except _REFUSED as exc:
             raise self.failed(exc) from exc
@@ -157,6 +157,7 @@ class Publisher(Link, SupportsSubscribers):
         return self._readers[1]
 
     def _same(self) -> Iterator[Token]:
+        """The tokens of subscribers with the same contract."""
         fingerprint = self.channel.type.fingerprint
         return (token for token in self.faced() if token.fingerprint == fingerprint)
 

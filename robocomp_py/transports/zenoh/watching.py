@@ -85,5 +85,5 @@ def peer_prefixes(role: str, channel: str) -> list[str]:
     A link that provides something also matches users without an instance name, whose tokens have a dot instead.
     """
     *before, instance, interface, _ = channel.split("/")
-    meant = [instance] if instance == ANY or role not in PROVIDING else [instance, "."]
-    return ["/".join((*before, each, interface)) for each in meant]
+    instances = [instance] if instance == ANY or role not in PROVIDING else [instance, "."]
+    return ["/".join((*before, each, interface)) for each in instances]

@@ -26,7 +26,7 @@ OTHERS = (
 
 
 class Served(Mapping[str, ModuleType]):
-    """Modules by their names, `more` among them. `look_up(root, module, name)` tells what a name of a module means."""
+    """Modules by name, including `more`. `look_up(root, module, name)` returns the value of a name in a module."""
 
     def __init__(
         self,
@@ -108,8 +108,8 @@ class Absent:
 
     def _qt_missed(self) -> ComponentError:
         return ComponentError(
-            f"{self._qt_name} is used, and it is Qt's own: this component runs without Qt, since nothing in its files "
-            f"seemed to use it; write `gui Qt(QWidget);` into its .cdsl, and install it: pip install '{GUI}'"
+            f"{self._qt_name} needs Qt, but this component runs without it, because its files did not seem to use Qt; "
+            f"write `gui Qt(QWidget);` into its .cdsl, and run: pip install '{GUI}'"
         )
 
     def __getattr__(self, name: str) -> Any:
@@ -124,4 +124,4 @@ class Absent:
         raise self._qt_missed()
 
     def __repr__(self) -> str:
-        return f"<{self._qt_name}, which is not there without Qt>"
+        return f"<{self._qt_name}, which needs Qt>"
