@@ -13,6 +13,7 @@
   codecs     encoding and decoding alone, compared with the cyclonedds package and plain msgpack
   memory     queries with large arrays, if glibc keeps freed memory
   shared     memory in /dev/shm for messages of several sizes, and the part that is in use
+  virtual    the example network in virtual time
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
 
@@ -54,6 +55,7 @@ from . import (
     start,
     threads,
     versus,
+    virtual,
 )
 from .goals import Finding
 from .options import some_of, tell
@@ -214,6 +216,11 @@ def _shared(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [shared.table(rows)], shared.findings(rows))
 
 
+def _virtual(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = virtual.run(effort, tell)
+    return Found(rows, [virtual.table(rows)], virtual.findings(rows))
+
+
 def _languages(options: argparse.Namespace, effort: Effort) -> Found:
     rows = languages.run(effort.halved, tell)
     return Found(rows, [languages.table(rows)])
@@ -238,6 +245,7 @@ MEASUREMENTS: dict[str, Run] = {
     "codecs": _codecs,
     "memory": _memory,
     "shared": _shared,
+    "virtual": _virtual,
     "languages": _languages,
     "lsp": _lsp,
 }
