@@ -46,7 +46,7 @@ def test_other_modules_are_not_served(modules: Any) -> None:
 
 def test_what_is_not_there_may_be_imported_and_tells_when_it_is_used(modules: Any) -> None:
     label = modules["PySide2.QtWidgets"].QLabel
-    wanted = r"PySide2\.QtWidgets\.QLabel is used.*`gui Qt\(QWidget\);`.*pip install 'robocomp-py\[gui\]'"
+    wanted = r"PySide2\.QtWidgets\.QLabel needs Qt.*`gui Qt\(QWidget\);`.*pip install 'robocomp-py\[gui\]'"
     with pytest.raises(ComponentError, match=wanted):
         label("hello")
     with pytest.raises(ComponentError, match=wanted):
