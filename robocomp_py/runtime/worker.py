@@ -160,6 +160,11 @@ class Worker(ABC, Generic[P]):
         return self._configured
 
     @cached_property
+    def instance(self) -> str:
+        """The name of this instance in its network."""
+        return self._settings.instance
+
+    @cached_property
     def random(self) -> np.random.Generator:
         """Random numbers. In virtual time they repeat: they depend only on the seed and on the name of the instance."""
         import numpy as np  # only components that use this need it

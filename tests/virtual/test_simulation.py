@@ -217,6 +217,11 @@ def test_random_numbers_depend_on_the_seed_and_the_instance() -> None:
     assert numbers(1)[0] != numbers(1)[1]
 
 
+def test_a_worker_knows_its_instance() -> None:
+    with Simulation([part(Diary, "anna"), part(Diary, "ben")]) as sim:
+        assert [sim[name].worker.instance for name in ("anna", "ben")] == ["anna", "ben"]
+
+
 def test_the_hash_tells_runs_apart_and_the_lines_tell_why() -> None:
     def said(task: str) -> tuple[str, list[str]]:
         class Caller(Pupil):
