@@ -104,12 +104,13 @@ class LeaderFollowers:
         self._pause = 0.0
         """Seconds to wait after `receive` has failed; 0 while it succeeds."""
 
-    def start(self) -> None:
-        """Raises TransportError if the system can start no thread; then none of the threads runs."""
+    def start(self, otherwise: Callable[[], object] = lambda: None) -> None:
+        """Raises TransportError if the system can start no thread; then none runs, and `otherwise` was called."""
         with self._lock:
             started = self._hire(self._serve, "0") and self._hire(self._look_out, "lookout")
         if not started:
             self.close()
+            otherwise()
             raise TransportError(f"{self._name}: {NO_THREAD}")
 
     def close(self) -> None:

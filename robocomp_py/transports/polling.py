@@ -15,7 +15,6 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from ..errors import TransportError
 from ..wire.header import random_id
 from .base import TransportConfig
 from .directory import Directory, runtime_dir
@@ -51,11 +50,7 @@ class PollingTransport(DirectoryTransport):
         self._threads = LeaderFollowers(self.name, self._receive, self.look_soon)
 
     def start(self) -> None:
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     def watch(self, what: socket.socket, on_input: Callable[[], Iterable[Job]], on_end: Callable[[], object]) -> None:
         """Have the receiving thread call `on_input` when there is input.

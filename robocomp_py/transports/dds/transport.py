@@ -12,7 +12,6 @@ from typing import Any
 
 from ...errors import (
     ConfigurationError,
-    TransportError,
 )
 from ...wire.codec import Codec
 from ...wire.header import random_id
@@ -118,11 +117,7 @@ class DDSTransport(BaseTransport[Endpoint], SupportsGathering):
         self.bus.endpoints.on_change = self._look
         self.bus.loop.tick = self._tick
         self._threads = LeaderFollowers("dds", self.bus.loop.receive, self.bus.loop.wake)
-        try:
-            self._threads.start()
-        except TransportError:
-            self.bus.close()
-            raise
+        self._threads.start(self.bus.close)
 
     def release(self, everything: contextlib.ExitStack) -> None:
         if self._member:

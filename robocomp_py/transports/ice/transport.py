@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterable
 from functools import partial
 
-from ...errors import TransportError
 from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
@@ -67,11 +66,7 @@ class IceTransport(DirectoryTransport, SupportsHost):
             raise
         self.topic_service = TopicService(self)
         self._threads = LeaderFollowers("ice", self._receive, wake=self.look_soon)
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:

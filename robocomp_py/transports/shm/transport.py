@@ -81,11 +81,7 @@ class ShmTransport(DirectoryTransport):
             self.directory.watch(self._watch, self._loop.wake)
             self._threads = LeaderFollowers("shm", self._loop.receive, self._loop.wake)
             undo.pop_all()
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     def release(self, everything: contextlib.ExitStack) -> None:
         self._settled = min(self._settled_together, time.monotonic() + LINGER)

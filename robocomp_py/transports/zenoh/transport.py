@@ -19,7 +19,7 @@ from typing import Any
 
 import zenoh
 
-from ...errors import ConfigurationError, TransportError
+from ...errors import ConfigurationError
 from ...wire.cdr import Cdr
 from ...wire.codec import Codec, Payload
 from ...wire.header import (
@@ -112,11 +112,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
             self._network.close()
             raise
         self._threads = LeaderFollowers("zenoh", self._receive, wake=lambda: self._work.put(_nothing))
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     @staticmethod
     def host(config: TransportConfig) -> contextlib.AbstractContextManager[None]:

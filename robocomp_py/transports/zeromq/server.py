@@ -15,7 +15,6 @@ import zmq
 
 from ...errors import (
     DecodeError,
-    TransportError,
 )
 from ...wire.header import (
     Flag,
@@ -108,11 +107,7 @@ class Router:
                 self._waker.connect(wakeup)
             undo.pop_all()
         self._threads = LeaderFollowers("zeromq-serving", self._receive, self._ring)
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     def add(self, link: ServingLink) -> None:
         self._routes[topic(link.channel.name)] = link

@@ -131,11 +131,7 @@ class ZeroMQTransport(DirectoryTransport):
             self._close_unstarted()
             raise
         self._threads = LeaderFollowers("zeromq", self._loop.receive, self._loop.wake)
-        try:
-            self._threads.start()
-        except TransportError:
-            self.close()
-            raise
+        self._threads.start(self.close)
 
     def _close_unstarted(self) -> None:
         for each in self._loop.sockets():
