@@ -59,7 +59,7 @@ WORDS = {
     ".idsl": "module struct enum exception extends dictionary sequence const interface idempotent out throws query"
     " records command publish int float string bool byte void time Laser TData",
     ".cdsl": "Component Communications requires implements publishes subscribesTo Laser LaserPub qos depth keep_last"
-    " deadline reliable language python gui Qt options statemachine params period s worker concurrent",
+    " deadline reliable language python gui Qt options statemachine params period timer s worker concurrent",
     ".pdsl": "ComponentParams List int float double string bool true enum mandatory T",
     ".ddsl": "Deployment Component path ip port config dependences middleware namespace env args requires from host"
     " System restart ::1 10.0.0.1 process qos publishes ( ) depth 5 existing notifies",
@@ -70,7 +70,8 @@ MODELS = {
     ".cdsl": [
         'import "Laser.idsl"; import "LaserPub.idsl"; Component a { Communications { requires Laser, Laser(zeromq);'
         " publishes LaserPub qos(sensor_data, depth 1, deadline 5 ms); implements Laser concurrent; };"
-        ' language python; gui Qt(QWidget); options dsr; statemachine "a.smdsl" visual; period 50 ms; };'
+        ' language python; gui Qt(QWidget); options dsr; statemachine "a.smdsl" visual; period 50 ms;'
+        " timer poll 1 s; };"
     ],
     ".pdsl": [
         'import "b.pdsl"; ComponentParams a { device "where" string "" T; n int 16 0:1000 mandatory; x float 1 0:10;'
