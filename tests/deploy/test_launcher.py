@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -240,6 +241,23 @@ def test_a_process_that_floods_its_log_delays_no_other(tmp_path: Path) -> None:
 
 
 # How it starts.
+
+
+def test_without_descriptors_a_start_is_refused_and_others_go_on(tmp_path: Path) -> None:
+    async def story(launcher: Launcher, heard: Heard) -> None:
+        await launcher.start(program(FOREVER, "before"))
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        highest = max(int(each) for each in os.listdir("/proc/self/fd"))
+        try:
+            for more in range(1, 12):
+                resource.setrlimit(resource.RLIMIT_NOFILE, (highest + more, hard))
+                with pytest.raises(DeploymentError, match=r"late cannot be started: .*ulimit -n"):
+                    await launcher.start(program(FOREVER, "late"))
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        await launcher.start(program(FOREVER, "late"))
+
+    launched(tmp_path, story)
 
 
 def test_a_missing_program_is_reported(tmp_path: Path) -> None:

@@ -60,6 +60,9 @@ TRACES = 5.0
 _ENDED = 5.0
 """Seconds within which killed processes have ended."""
 
+_SPARE_FILES = 16
+"""File descriptors that have to be free for a start: a few for the process, and some for logs and commands."""
+
 _NOT_HANDED_DOWN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "LISTEN_FDS", "LISTEN_PID", "LISTEN_FDNAMES")
 """Variables between rcdeploy and its own service manager; the processes that it starts do not get them."""
 
@@ -221,6 +224,10 @@ class Launcher(Agent):
             deed(process.name)
 
     async def _start(self, process: Process) -> None:
+        if not _files_left():
+            raise DeploymentError(
+                f"{process.name} cannot be started: rcdeploy may open no more files; raise the limit (ulimit -n 4096)"
+            )
         self._sockets += 1
         path = self.place.notify / str(self._sockets)
         early: list[tuple[Note, int]] = []
@@ -541,6 +548,20 @@ def _usage(running: _Running, used: Used | None) -> Usage:
 def _send(handle: int, number: signal.Signals) -> None:
     with contextlib.suppress(OSError):
         signal.pidfd_send_signal(handle, number)
+
+
+def _files_left() -> bool:
+    """Whether a process can be started without using up the descriptors of this one."""
+    spare: list[int] = []
+    try:
+        for _ in range(_SPARE_FILES):
+            spare.append(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
+    except OSError:
+        return False
+    finally:
+        for each in spare:
+            os.close(each)
+    return True
 
 
 def _send_group(pid: int, number: signal.Signals) -> bool:
