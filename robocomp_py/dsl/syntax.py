@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import Any
 
 from lark import Token, Tree
 
@@ -273,6 +274,22 @@ def tree_span(source: Source, tree: Tree[Token]) -> Span:
     while text[start : start + 1].isspace():  # a mended keyword may begin there
         start += 1
     return source.span(start, tree.meta.end_pos)
+
+
+class Builder:
+    """Base of the classes that make a model of a tree, with a method for each kind of node."""
+
+    def __init__(self, parsed: Parsed) -> None:
+        self._parsed, self._source = parsed, parsed.comments.source
+
+    def _name(self, token: Any) -> Name:
+        return name_of(self._source, token)
+
+    def _span(self, tree: Tree[Any]) -> Span:
+        return tree_span(self._source, tree)
+
+    def _doc(self, tree: Tree[Any]) -> str:
+        return self._parsed.comments.doc(self._span(tree))
 
 
 def _beyond(source: Source) -> Diagnostic | None:

@@ -10,8 +10,8 @@ from lark import Token, Tree
 from ...contract.interface import Verb
 from ..diagnostics import Report
 from ..numbers import real
-from ..source import Name, Source, Span
-from ..syntax import Grammar, Parsed, name_of, tree_span
+from ..source import Source
+from ..syntax import Builder, Grammar, name_of, tree_span
 from . import model as m
 
 _GRAMMAR = Grammar("cdsl", {r"language\s+\w+\s*//.*": "the `//` starts a comment: write one language, then `;`"})
@@ -24,10 +24,7 @@ def parse(source: Source, report: Report) -> m.Component | None:
     return _Builder(parsed).component(parsed.tree) if parsed.tree is not None else None
 
 
-class _Builder:
-    def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.comments.source
-
+class _Builder(Builder):
     def component(self, tree: Tree[Token]) -> m.Component:
         *imports, component = tree.children
         assert isinstance(component, Tree)
@@ -65,12 +62,6 @@ class _Builder:
         names = tuple(self._name(each) for each in tree.children if isinstance(each, Token))
         amounts = [amount_of(self._source, each) for each in tree.children if isinstance(each, Tree)]
         return m.Clause(str(tree.data), self._span(tree), names, amounts[0] if amounts else None)
-
-    def _name(self, token: Any) -> Name:
-        return name_of(self._source, token)
-
-    def _span(self, tree: Tree[Any]) -> Span:
-        return tree_span(self._source, tree)
 
 
 def setting_of(source: Source, tree: Tree[Any]) -> m.Setting:

@@ -10,8 +10,8 @@ from lark import Token, Tree
 from ..cdsl.model import Setting
 from ..cdsl.parser import amount_of, setting_of
 from ..diagnostics import Report
-from ..source import Name, Source, Span
-from ..syntax import Grammar, Parsed, name_of, tree_span
+from ..source import Name, Source
+from ..syntax import Builder, Grammar, Parsed
 from . import model as m
 from .scope import meanings, whole
 
@@ -38,9 +38,9 @@ def parse(source: Source, report: Report) -> m.Deployment | None:
     return _Builder(parsed).deployment(parsed.tree) if parsed.tree is not None else None
 
 
-class _Builder:
+class _Builder(Builder):
     def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.comments.source
+        super().__init__(parsed)
         self._instances: list[m.Instance] = []
         self._systems: list[m.System] = []
 
@@ -161,12 +161,6 @@ class _Builder:
 
     def _clauses(self, trees: list[Tree[Any]]) -> tuple[m.Clause, ...]:
         return tuple(m.Clause(str(each.data), self._span(each)) for each in trees)
-
-    def _name(self, token: Any) -> Name:
-        return name_of(self._source, token)
-
-    def _span(self, tree: Tree[Any]) -> Span:
-        return tree_span(self._source, tree)
 
 
 def _middleware(names: list[Name]) -> Name:

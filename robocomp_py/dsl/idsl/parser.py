@@ -8,8 +8,8 @@ from typing import Any
 from lark import Token, Tree
 
 from ..diagnostics import Report
-from ..source import Name, Source, Span
-from ..syntax import Grammar, Parsed, name_of, span_of, tree_span
+from ..source import Name, Source
+from ..syntax import Builder, Grammar, span_of
 from . import model as m
 
 _GRAMMAR = Grammar(
@@ -34,12 +34,7 @@ def parse(source: Source, report: Report) -> m.File | None:
     return _Builder(parsed).file(parsed.tree) if parsed.tree is not None else None
 
 
-class _Builder:
-    """Trees to models, a method for each kind of node."""
-
-    def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.comments.source
-
+class _Builder(Builder):
     def file(self, tree: Tree[Token]) -> m.File:
         *imports, module = _trees(tree)
         name, *definitions = module.children
@@ -141,15 +136,6 @@ class _Builder:
         if tree.children[0].type == "STRING":
             return m.Literal(str(tree.children[0])[1:-1], self._span(tree), quoted=True)
         return m.Literal("::".join(map(str, tree.children)), self._span(tree))
-
-    def _name(self, token: Any) -> Name:
-        return name_of(self._source, token)
-
-    def _span(self, tree: Tree[Token]) -> Span:
-        return tree_span(self._source, tree)
-
-    def _doc(self, tree: Tree[Token]) -> str:
-        return self._parsed.comments.doc(self._span(tree))
 
 
 def _one_line(text: str) -> str:

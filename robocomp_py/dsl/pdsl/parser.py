@@ -8,7 +8,7 @@ from lark import Token, Tree
 
 from ..diagnostics import Report
 from ..source import Name, Source
-from ..syntax import Grammar, Parsed, name_of, tree_span
+from ..syntax import Builder, Grammar
 from . import model as m
 
 _GRAMMAR = Grammar(
@@ -30,10 +30,7 @@ def parse(source: Source, report: Report) -> m.File | None:
     return _Builder(parsed).file(parsed.tree) if parsed.tree is not None else None
 
 
-class _Builder:
-    def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.comments.source
-
+class _Builder(Builder):
     def file(self, tree: Tree[Token]) -> m.File:
         *imports, scope = tree.children
         names = tuple(self._name(each.children[0]) for each in imports if isinstance(each, Tree))
@@ -43,7 +40,7 @@ class _Builder:
         name, *rest = tree.children
         return m.Scope(
             self._name(name),
-            tree_span(self._source, tree),
+            self._span(tree),
             tuple(self._param(each) for each in rest if each.data == "param"),
             tuple(self._list(each) for each in rest if each.data == "list"),
         )
@@ -60,7 +57,7 @@ class _Builder:
             self._name(name),
             str(word),
             self._name(values[0]),
-            tree_span(self._source, tree),
+            self._span(tree),
             self._pair([each for each in values if isinstance(each, Tree)]),
             tuple(map(self._name, values[1:])) if word == "enum" else (),
             any(each.data == "mandatory" for each in rest),
@@ -79,7 +76,4 @@ class _Builder:
         for child in tree.children:
             if isinstance(child, Tree) and child.data == "doc":
                 return self._name(child.children[0]).text
-        return self._parsed.comments.doc(tree_span(self._source, tree))
-
-    def _name(self, token: Any) -> Name:
-        return name_of(self._source, token)
+        return super()._doc(tree)

@@ -8,7 +8,7 @@ from lark import Token, Tree
 
 from ..diagnostics import Report
 from ..source import Name, Source
-from ..syntax import Grammar, Parsed, name_of, tree_span
+from ..syntax import Builder, Grammar
 from . import model as m
 
 _GRAMMAR = Grammar(
@@ -27,10 +27,7 @@ def parse(source: Source, report: Report) -> m.File | None:
     return _Builder(parsed).file(parsed.tree) if parsed.tree is not None else None
 
 
-class _Builder:
-    def __init__(self, parsed: Parsed) -> None:
-        self._parsed, self._source = parsed, parsed.comments.source
-
+class _Builder(Builder):
     def file(self, tree: Tree[Token]) -> m.File:
         blocks = tuple(map(self._block, tree.children))
         machine: Any = tree.children[0]
@@ -41,7 +38,7 @@ class _Builder:
         initial, states, end = (self._names(rest, kind) for kind in ("initial", "states", "end"))
         return m.Block(
             None if tree.data == "machine" else self._name(name),
-            tree_span(self._source, tree),
+            self._span(tree),
             tuple(m.State(each, each in end) for each in (*initial, *states, *end)),
             tuple(initial),
             tuple(
@@ -56,6 +53,3 @@ class _Builder:
 
     def _names(self, clauses: Any, kind: str) -> list[Name]:
         return [self._name(name) for clause in clauses if clause.data == kind for name in clause.children]
-
-    def _name(self, token: Any) -> Name:
-        return name_of(self._source, token)
