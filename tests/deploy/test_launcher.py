@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import resource
@@ -248,13 +249,20 @@ def test_without_descriptors_a_start_is_refused_and_others_go_on(tmp_path: Path)
         await launcher.start(program(FOREVER, "before"))
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         highest = max(int(each) for each in os.listdir("/proc/self/fd"))
+        taken: list[int] = []
         try:
-            for more in range(1, 12):
-                resource.setrlimit(resource.RLIMIT_NOFILE, (highest + more, hard))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, hard))
+            with contextlib.suppress(OSError):
+                while True:
+                    taken.append(os.open(os.devnull, os.O_RDONLY))
+            for _ in range(12):
                 with pytest.raises(DeploymentError, match=r"late cannot be started: .*ulimit -n"):
                     await launcher.start(program(FOREVER, "late"))
+                os.close(taken.pop())
         finally:
             resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            for each in taken:
+                os.close(each)
         await launcher.start(program(FOREVER, "late"))
 
     launched(tmp_path, story)
