@@ -34,9 +34,9 @@ def parts(plan: Plan) -> list[Part]:
 
 def _obstacles(plan: Plan) -> Iterator[str]:
     """What cannot run in virtual time."""
-    for host in plan.hosts:
-        yield f"{host.name}: a simulation runs in one process, so no component may have a `host`"
     for process in plan.processes:
+        if process.host:
+            yield f"{process.name}: a simulation runs in one process, so no component may have a `host`"
         if process.is_program:
             yield (
                 f"{process.name}: `path` and `existing` are programs with a time of their own, so they cannot be "

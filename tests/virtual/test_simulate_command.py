@@ -154,11 +154,14 @@ def test_what_has_a_time_of_its_own_is_refused(folder: Path, capsys: Said) -> No
     (folder / "own.ddsl").write_text(
         'import "program.cdsl"; import "hello/hello.cdsl";\n'
         'Deployment own { Component driver : program { existing "/bin/true"; };\n'
-        'Component hello { env DISPLAY ":0"; }; };'
+        'host far { address "192.0.2.77"; };\n'
+        'Component hello { env DISPLAY ":0"; };\n'
+        "Component distant : hello { host far; }; };"
     )
     assert rcdeploy(["simulate", str(folder / "own.ddsl"), "--for", "1"]) == 1
     said = capsys.readouterr().err
     assert "driver: `path` and `existing` are programs with a time of their own" in said
+    assert "distant: a simulation runs in one process, so no component may have a `host`" in said
     assert "hello: a simulation is one process, so no component may have an `env` of its own" in said
 
 
