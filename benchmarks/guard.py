@@ -42,7 +42,7 @@ TOLERANCES = {
 """By goal: how much a ratio may grow before that is no longer chance."""
 
 TO_RAW = ("small", "large", "latency", "rate")
-"""Of these, what is below 1 was luck, of which nobody is deprived."""
+"""For these, a ratio below 1 was luck, and counts as 1."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Probe:
 class Row:
     name: str
     before: float | None
-    """None: nobody has measured that before."""
+    """None: never measured before."""
     found: float | None
     """None: it could not be measured now."""
 

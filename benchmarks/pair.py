@@ -44,7 +44,7 @@ class Record:
         now, numbers = time.monotonic_ns(), self._numbers
         count = numbers[0]
         numbers[2 * count + 1], numbers[2 * count + 2] = INT.unpack_from(data.data)[0], now
-        numbers[0] = count + 1  # at last: whoever sees it may read the others
+        numbers[0] = count + 1  # last: after this, a reader may read the others
 
     def clear(self) -> None:
         """Between two rounds, when nothing is on its way."""

@@ -32,7 +32,7 @@ router is none of that: it is the far end's own session, in both; run apart, as 
 """
 
 FAILURES = (RobocompError, OSError, RuntimeError, ValueError, SubprocessError)
-"""What keeps one party from being measured, and no reason to keep the figures of others from anybody."""
+"""Errors that stop the measurement of one party, but not of the others."""
 
 PATIENCE = 10.0
 """Seconds for an answer, and until both ends have found each other; then the measurement fails."""

@@ -106,7 +106,7 @@ class _Session:
         self._lines = connection.makefile("rw")
 
     def close(self) -> None:
-        with contextlib.suppress(OSError):  # what was not sent has nobody to go to
+        with contextlib.suppress(OSError):  # the other end is gone
             self._lines.close()
         self._connection.close()
 

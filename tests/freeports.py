@@ -7,7 +7,7 @@ import secrets
 import socket
 
 _OURS = range(20_000, 32_000)
-"""None that the system gives to whoever connects somewhere: it might be gone before it is used."""
+"""Outside the range for outgoing connections: such a port might be taken before it is used."""
 
 
 def free_port() -> int:

@@ -1,4 +1,4 @@
-"""Texts that are something else wherever nobody makes texts of them: code, options, marks, ends of lines."""
+"""Texts that mean something if they are not quoted: code, options, marks, ends of lines."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ KEYWORDS = {"shell", "allow_pickle"}
 """Which may not be true."""
 
 ALLOWED = {
-    "robocomp_py/wire/program.py": {"exec": 1, "compile": 1},  # codecs, of texts that hold no word of anybody's
+    "robocomp_py/wire/program.py": {"exec": 1, "compile": 1},  # codecs, from texts without any foreign word
     # files of a component in the folder that is run, as an import statement of theirs finds them
     "robocomp_py/cli/common.py": {"exec": 1},  # of nothing
     "robocomp_py/classic/workers/imports.py": {"exec": 1, "compile": 1, "__import__": 1},

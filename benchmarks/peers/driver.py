@@ -23,7 +23,7 @@ MEETING = "near.sock"
 
 
 def drive(ask: Ask, folder: str) -> None:
-    """Measure what is demanded, until there is nobody left who demands."""
+    """Measure on request, until the connection ends."""
     with socket.socket(socket.AF_UNIX) as connection:
         connection.connect(f"{folder}/{MEETING}")
         with connection.makefile("rw") as lines:

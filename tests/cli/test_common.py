@@ -1,4 +1,4 @@
-"""What the commands share: how they end when they are interrupted, or when nobody reads on."""
+"""Shared by the commands: how they end when they are interrupted, or when their output is closed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Types of DDS as data, whoever describes them: {"Arm::Point": (("x", "float"), ...)}."""
+"""Types of DDS as data, from every description: {"Arm::Point": (("x", "float"), ...)}."""
 
 from __future__ import annotations
 

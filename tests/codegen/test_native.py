@@ -289,7 +289,7 @@ def parsed(folder: Path) -> dict[str, Any]:
 
 
 def test_a_message_can_be_written_and_read_by_its_layout_alone() -> None:
-    """By somebody who has the list, and msgpack."""
+    """With the list of channels and msgpack alone."""
     types = parsed(GOLDEN / "everything")["types"]
     everything_in = native(Component("c", (Port(Verb.IMPLEMENTS, everything.EVERYTHING),)), "zeromq", ABOUT)
     types |= json.loads(everything_in["generic/zeromq/channels.json"])["types"]

@@ -55,7 +55,7 @@ class Laboratory:
         self.hosts: list[Host] = []
         _do("ip", "link", "add", self._bridge, "type", "bridge")
         try:
-            # Without this a packet to the bridge itself may wait until it has learnt where everybody is.
+            # Without this a packet to the bridge itself may wait until it knows all addresses.
             _do("ip", "link", "set", self._bridge, "type", "bridge", "forward_delay", "0", check=False)
             _do("ip", "address", "add", f"{self.address}/24", "dev", self._bridge)
             _do("ip", "link", "set", self._bridge, "up")

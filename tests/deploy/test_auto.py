@@ -50,7 +50,7 @@ def fine(middleware: str, connections: int = 0) -> str:
 
 
 def over(choice: Choice, operation: str) -> list[tuple[str, str, str]]:
-    """Who uses an operation of whom, over what."""
+    """The client, provider and middleware of each link of an operation."""
     return [(way.client, way.provider, way.middleware) for way in choice.ways if way.operation == operation]
 
 

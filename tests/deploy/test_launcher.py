@@ -1,4 +1,4 @@
-"""Processes of this machine: how they start, what is heard of them, and that none is left, whoever is killed."""
+"""Processes of this machine: how they start, what they report, and that none is left after any kill."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ child = subprocess.Popen([sys.executable, "-ISc", code], start_new_session=True,
 child.stdout.readline()
 print(child.pid, flush=True)
 """
-"""Starts somebody who leaves its session."""
+"""Starts a child that leaves its session."""
 
 
 class Heard(Listener):
@@ -130,7 +130,7 @@ def is_gone(pid: int) -> bool:
 
 @pytest.fixture(params=["groups", "no groups"])
 def with_and_without_groups(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Control groups end whoever was started; without them, session, descent and mark have to do."""
+    """Control groups end every started process; without them, session, descent and mark are used."""
     if request.param == "no groups":
         monkeypatch.setattr(cgroups, "make", lambda name: None)
 
@@ -406,7 +406,7 @@ def test_what_was_answered_counts_also_when_the_process_that_forks_is_gone(
             number = json.loads(channel.recv(65536))["id"]
             channel.send(json.dumps({"id": number, "pid": pid}).encode())
         if how == "it ends":
-            channel.close()  # with a question that nobody has read: the other end is told of that before all else
+            channel.close()  # with an unread request, which the other end learns first
         else:
             asking.close()
             channel.close()
@@ -475,7 +475,7 @@ def test_a_process_that_cannot_be_reported_is_ended(request: pytest.FixtureReque
         os.close(into)
         assert forks.wait(SOON) == 0
         with open(out, "rb") as printed:
-            assert printed.read() == b""  # nobody is left who might print
+            assert printed.read() == b""  # no process is left that could print
     for descriptor in (lifeline, held):
         os.close(descriptor)
 
@@ -726,7 +726,7 @@ def test_a_process_that_never_fed_the_watchdog_or_is_stopping_is_not_watched(tmp
         assert ended(NOTIFY + each, tmp_path).told == [("ready", "it"), ("exited", "it", 0)]
 
 
-# One at a time, and nobody left.
+# One at a time, and no process left.
 
 
 def test_a_network_that_runs_is_not_run_again(tmp_path: Path) -> None:

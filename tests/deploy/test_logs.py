@@ -1,4 +1,4 @@
-"""What components print, in files that neither grow without end nor stop anybody."""
+"""The output of components, in files that are bounded and block no process."""
 
 from __future__ import annotations
 

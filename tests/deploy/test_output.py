@@ -18,7 +18,7 @@ MUCH = b"noise\n" * 2000
 
 @pytest.fixture
 def pipe() -> Iterator[tuple[int, int]]:
-    """The end that is read, which whoever reads it closes, and the other one."""
+    """The end that is read, which its reader closes, and the other one."""
     out, into = os.pipe()
     yield out, into
     os.close(into)

@@ -37,7 +37,7 @@ def carrier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def looked_through(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Grows by one each time somebody looks through all that is installed."""
+    """Grows by one at each scan of all installed packages."""
     times: list[object] = []
 
     class Finder(DistributionFinder):
@@ -508,7 +508,7 @@ def test_further_publishers_that_a_configuration_names_are_checked_as_the_first_
     assert told('{ from = "right" }') == []
     assert told('{ from = "wrong" }') == ["unknown-instance"]
     assert told('{ from = "right", middleware = "zeromq" }') == ["middleware-mismatch"]
-    assert told(f'"{carrier}"') == []  # whoever comes by that, too
+    assert told(f'"{carrier}"') == []  # any publisher over this middleware
     assert told('"nowhere"') == ["unknown-middleware"]
 
 

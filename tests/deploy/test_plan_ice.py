@@ -1,4 +1,4 @@
-"""Networks that go over Ice, or whose programs do: who finds whom where."""
+"""Networks that use Ice, or whose programs do: where clients find servers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Instances in systems: whom they use, and how they are called."""
+"""Instances in systems: their peers and their names."""
 
 from __future__ import annotations
 

@@ -794,7 +794,7 @@ moments = st.sampled_from([0.0, 0.0, 0.3, 5.0, 61.0])
 
 
 class World:
-    """Plays events as the shell would: nobody speaks who does not run, and time does not pass a wake-up by."""
+    """Plays events as the shell would: only running processes send events, and time stops at each wake-up."""
 
     def __init__(
         self, network: tuple[Child, ...], until: str | None, escalations: Mapping[tuple[str, ...], Escalation]

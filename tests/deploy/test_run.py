@@ -238,7 +238,7 @@ def test_an_interrupt_while_a_host_is_reached_ends_it_without_a_traceback(caplog
     told = Told()
     running = run_plan(network(hello=FOREVER), Options(), told, agents=lambda *_: {"": Silent()})
     assert asyncio.run(running) == 130
-    gc.collect()  # asyncio complains of exceptions that nobody has retrieved when they go
+    gc.collect()  # asyncio reports unretrieved exceptions when they are collected
     assert told.said == [("stopping", "asked to")]
     assert [each.message for each in caplog.records] == []
 

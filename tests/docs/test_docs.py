@@ -255,7 +255,7 @@ def test_the_transport_that_is_a_package_of_its_own_is_found_keeps_the_contract_
 ) -> None:
     for name in ("components", "examples"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    installed = str(tmp_path / "installed")  # not among the packages of whoever runs this
+    installed = str(tmp_path / "installed")  # not among the packages of this environment
     offline = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "false"}  # false means: without
     written = _written(tmp_path / "components")
     commands = [step for step in steps(TRANSPORTS) if isinstance(step, Command)]

@@ -1,4 +1,4 @@
-"""Texts of a language as its grammar makes them, written as nobody would: for what must be true of every text."""
+"""Texts of a language as its grammar makes them, written in unusual ways: for properties of every text."""
 
 from __future__ import annotations
 

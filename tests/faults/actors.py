@@ -71,7 +71,7 @@ class Actor:
         self._well: Counter[str] = Counter()
         self._numbers = itertools.count(1)
         self._now = self._most = 0
-        """Bytes that are held, and the most of them since somebody asked."""
+        """Bytes that are held, and their maximum since the last request."""
 
     # Servers.
 
@@ -365,7 +365,7 @@ class Actor:
         resource.setrlimit(resource.RLIMIT_NOFILE, (count, count))
 
     def attack(self, what: str, channel: str, seconds: float) -> None:
-        """Take more than our share of whoever serves or publishes a channel, as `strangers.attack` does."""
+        """Take more than our share of the server or publisher of a channel, as `strangers.attack` does."""
         role = "publishes" if what == "subscriptions" else "serves"
         end = time.monotonic() + _STUCK
         while not (found := self.transport.directory.find(role, channel)):  # type: ignore[attr-defined]  # zeromq's
@@ -499,7 +499,7 @@ def _said(transport: Any, payload: Payload) -> str:
 
 
 def act(spec: Mapping[str, Any]) -> None:
-    """Do what is asked, until nobody is there to ask."""
+    """Carry out requests until the connection ends."""
     log = logging.FileHandler(spec["log"])
     log.setFormatter(logging.Formatter("%(relativeCreated)d %(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(handlers=[log], level=logging.INFO)
@@ -524,7 +524,7 @@ def _answer(actor: Actor, asked: dict[str, Any]) -> bytes:
 
 def nursery() -> None:
     """Fork an actor for each line of the standard input, and say its process id."""
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for them
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # no code waits for them
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for line in sys.stdin:
         spec = json.loads(line)

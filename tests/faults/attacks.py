@@ -27,7 +27,7 @@ _NOTICED = 5.0
 def _attacked(run: Run, what: str, megabytes: float) -> Result:
     """A neighbour calls a server all the time; a stranger attacks that server; a newcomer calls it meanwhile.
 
-    All of them share this machine. So the stranger first attacks another server, which nobody calls: what the
+    All of them share this machine. So the stranger first attacks another server, which has no client: what the
     neighbour notices then is the load of the machine, and what it notices later is compared with that.
     """
     seconds = 10.0 if run.full else 2.0

@@ -36,7 +36,7 @@ def _killed(run: Run) -> Result:
                     )
                 )
             finally:
-                done.over = True  # also when one of them failed, or somebody has had enough
+                done.over = True  # also when one of them failed, or the test was interrupted
         history = laboratory.end()
     slowest, outcomes, hit = _after_kills(history)
     limit = 2.5 if run.transport in ("dds", "shm") else 1.0

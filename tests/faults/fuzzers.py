@@ -1,4 +1,4 @@
-"""How damaged frames reach a component, over each middleware: as what anybody could send who is let in at all."""
+"""How damaged frames reach a component over each middleware: like frames of any program that may connect."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def _sent(udp: socket.socket, packet: bytes, port: int) -> None:
 def _shm(
     transport: Any, channel: Channel, seed: int, count: int, undo: contextlib.ExitStack
 ) -> Iterator[Callable[[], object]]:
-    """As messages in its queue: to that link, to others, to nobody, with a line for the answer that nobody has."""
+    """As messages in its queue: to that link, to others, to none, and with an unknown line for the reply."""
     from robocomp_py.transports.shm.queues import Sender, packed
 
     role = "serves" if channel.pattern == "query" else "receives"
@@ -208,7 +208,7 @@ def _ice(
 def _invoked(proxy: Any, operation: str, mode: Any, body: bytes, told: dict[str, str]) -> None:
     import Ice
 
-    with contextlib.suppress(Ice.Exception):  # also what Ice sends to nobody
+    with contextlib.suppress(Ice.Exception):  # also what Ice sends to no servant
         proxy.ice_invoke(operation, mode, body, told)
 
 

@@ -77,7 +77,7 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What was done to whom: `kill`, `stop`, `cut` … until another one undoes it."""
+    """A fault and its target: `kill`, `stop`, `cut` … until another one undoes it."""
 
     what: str
     whom: str

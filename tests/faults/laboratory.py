@@ -271,7 +271,7 @@ def _began(pid: int) -> str:
 
 
 def _lives(pid: int, began: str) -> bool:
-    """Whether that process is there still; one that ended before anybody looked never `began`."""
+    """Whether that process still exists; one that ended before the first look never `began`."""
     return began != "" and _began(pid) == began
 
 

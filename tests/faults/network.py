@@ -1,6 +1,6 @@
 """Rows about what lies between two hosts, which are network namespaces: cuts, losses, and an end that is gone.
 
-On one host somebody serves, takes commands and publishes; on the other one somebody calls, commands and hears.
+One host serves, takes commands and publishes; the other one calls, commands and subscribes.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _lossy(run: Run) -> Result:
 
 
 def _half_open(run: Run) -> Result:
-    """The far end is cut off, and then gone: nobody tells."""
+    """The far end is cut off, and then gone, without any message."""
     with _two_hosts(run) as two:
         two.begin(pace=0.01)
         two.there.partition()

@@ -115,7 +115,7 @@ class _Network:
         instances = ""
         for number in range(count):
             asked = min(number ^ 1, count - 1)
-            if more and number > 0:  # n0 fails: it is asked by nobody
+            if more and number > 0:  # n0 fails: it has no client
                 asked = number + 1 if number < count - 1 else 1
             settings = more if number == 0 else ""
             kind = "node" if number else "odd"
@@ -147,7 +147,7 @@ class _Network:
         return (self.folder / "calls").exists()
 
     def processes(self) -> dict[int, str]:
-        """All that were started from within the network, also where nobody looks for them; and what they are."""
+        """All processes that were started from within the network, and what they are."""
         marks = {f"ROBOCOMP_RUNTIME_DIR={path}".encode() for path in (self.run_folder, self.folder / "far" / "run")}
         found = {}
         for each in Path("/proc").glob("[0-9]*"):

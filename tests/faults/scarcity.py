@@ -22,7 +22,7 @@ from .laboratory import ROOT, Remote, until
 from .rows import HERE, Figure, Result, Row, Run
 
 _USER = 64_017
-"""A user that nobody is, so that none of its processes are counted but ours."""
+"""An unused user, so that only our processes count for it."""
 
 _RIGHTS = "-all,+dac_read_search"
 """To read this project wherever it is."""

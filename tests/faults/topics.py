@@ -67,7 +67,7 @@ def _until_quiet(laboratory: Laboratory, publisher: Remote, subscribers: list[Re
     while True:
         publisher.publish(channel=_CHANNEL, count=1)
         publisher.wait(channel=_CHANNEL)
-        with contextlib.suppress(RuntimeError):  # it was lost, too, or somebody is slow: then the next one
+        with contextlib.suppress(RuntimeError):  # it was lost, too, or a process is slow: then the next one
             until(lambda: all(last_heard(laboratory, each) == publisher.sent() for each in subscribers), 1.0, "")
         late = [each.name for each in subscribers if last_heard(laboratory, each) < publisher.sent()]
         if not late:

@@ -1,4 +1,4 @@
-"""Pictures of networks: who is in what, who uses whom; and that nothing is drawn over what it does not concern."""
+"""Pictures of networks: groups and links, and that links do not cross unrelated boxes."""
 
 from __future__ import annotations
 

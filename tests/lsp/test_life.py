@@ -1,4 +1,4 @@
-"""A session ends as it should, whoever ends it, and survives whatever comes in between."""
+"""A session ends properly, whichever side ends it, and survives any message."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def test_one_thread_at_a_time_is_inside(opened: Monitor) -> None:
         nonlocal inside, most
         inside += 1
         most = max(most, inside)
-        os.sched_yield()  # whoever could get in now would
+        os.sched_yield()  # another thread could get in now
         inside -= 1
 
     def enter() -> None:
@@ -241,7 +241,7 @@ def test_closing_waits_for_suspended_threads_even_if_the_pool_is_busy() -> None:
         assert monitor.submit(waits)
     for _ in range(MAX_SUSPENDED):
         assert out.acquire(timeout=SOON)
-    for _ in range(8):  # nobody of the pool is left to take what is let in next
+    for _ in range(8):  # no thread of the pool is left for the next job
         assert monitor.submit_concurrent(lambda: release.wait(SOON))
     assert monitor.submit(lambda: None, limited=False)
     closing = threading.Thread(target=monitor.close)

@@ -1,4 +1,4 @@
-"""What a process tells whoever launched it."""
+"""The messages of a process to its launcher."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from .components import Calculator, Diary, Pupil
 
 
 class Told:
-    """What whoever launched the process would hear, and what the components do, in order."""
+    """The messages to the launcher, and the actions of the components, in order."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

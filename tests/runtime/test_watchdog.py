@@ -16,7 +16,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 
 
 class Component:
-    """With a monitor that somebody may be inside."""
+    """With a monitor that a thread may be inside."""
 
     def __init__(self) -> None:
         self.monitor = Monitor()

@@ -421,7 +421,7 @@ def test_lazy_links_have_no_readers_and_writers_until_a_request(
 def test_what_is_lazy_is_served_once_and_under_one_contract(
     here: DDSTransport, there: DDSTransport, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_module, "LEAVING", 0.0)  # nobody does
+    monkeypatch.setattr(server_module, "LEAVING", 0.0)  # no process does
     here.server(_lazy(name, exclusive=False), answering(here, bytes.upper))
     wait_until(lambda: there.bus.endpoints.find("serves", name))
     with pytest.raises(AlreadyServed):
@@ -838,7 +838,7 @@ def test_a_reply_put_aside_while_its_client_is_found_is_sent(
     assert unblob(there, caller.ask(blob(there, b"x"), SOON).payload) == b"X"
 
     class FoundNow(dict[int, Any]):
-        """Those who are known, a moment after somebody has looked for one and then for one to put it aside for."""
+        """The known clients, a moment after a look for one, and one to put a reply aside for."""
 
         looks = 0
 
@@ -977,7 +977,7 @@ def test_a_participant_with_remote_peers_is_reachable_from_them(senders: list[st
 
 @pytest.mark.parametrize("ask", ["ask", "call"])
 def test_a_server_that_is_killed_ends_the_calls_under_way(there: DDSTransport, name: str, ask: str) -> None:
-    """By the library's lease, of 2 s: whoever waits longer than that hears `Unreachable` and not `Timeout`."""
+    """By the library's lease of 2 s: a call with a later deadline ends as `Unreachable`, not `Timeout`."""
     assert settings("lo")["Discovery", "LeaseDuration"] == "2s"
     with _Elsewhere(_stuck_elsewhere, name) as other:
         caller = there.caller(query(name))

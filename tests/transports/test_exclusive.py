@@ -117,7 +117,7 @@ def test_what_the_living_have_is_not_removed(tmp_path: Path) -> None:
         assert len(files(tmp_path)) == 2
     [lock] = [path for path in files(tmp_path) if path.stem.endswith("x")]
     held = os.open(lock, os.O_RDWR)
-    fcntl.flock(held, fcntl.LOCK_EX)  # somebody whose id we do not see
+    fcntl.flock(held, fcntl.LOCK_EX)  # a process whose id is not visible
     sweep(tmp_path)
     assert len(files(tmp_path)) == 2
     with pytest.raises(AlreadyServed, match=rf"victim \(pid {pid}\)"):

@@ -306,7 +306,7 @@ def test_no_subscription_is_left_behind(here: Transport, running: str) -> None:
 def test_two_networks_that_share_one_do_not_hear_each_other_but_by_their_topics(
     here: Transport, running: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that another run-time folder knows is somebody all the same."""
+    """A publisher that only another run-time folder knows is received all the same."""
     tmp_path.chmod(0o700)
     monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(tmp_path))
     outlet = here.outlet(topic(NAME))

@@ -138,7 +138,7 @@ def test_too_many_calls_of_a_slow_service_are_turned_away_and_neither_queue_nor_
 
 
 def trusted(transport: InprocTransport, service: Service) -> Caller:
-    """A caller of a service that was prompt so often that it is run by whoever asks."""
+    """A caller of a service that was prompt so often that the calling thread runs it."""
     prompt = [Reply(Status.OK)] * inproc.TRUSTED
     transport.server(query("a/b/ask"), lambda payload, expires: prompt.pop() if prompt else service(payload, expires))
     caller = transport.caller(query("a/b/ask"))

@@ -1,4 +1,4 @@
-"""Threads that take turns: nobody waits for a job that takes long, and the order holds."""
+"""Threads that take turns: a long job delays no other, and the order is kept."""
 
 from __future__ import annotations
 
@@ -334,7 +334,7 @@ def test_a_lane_is_drained_on_one_summons_however_much_was_put_into_it() -> None
     lane.put(0)
     assert [lane.summon() for _ in range(3)] == [True, False, False]
     lane.drain()
-    assert inside == [False]  # whoever drains goes on until nothing waits
+    assert inside == [False]  # a draining thread continues until nothing waits
     assert lane.summon()
 
 

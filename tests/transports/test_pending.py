@@ -37,7 +37,7 @@ def test_what_is_asked_again_under_its_number_is_another_call(monkeypatch: pytes
     pending, asked_again = Pending("test"), threading.Event()
     first, tell = pending.add(1, 60), vars(Future)["_invoke_callbacks"]
 
-    def tell_late(future: Future[Reply]) -> None:  # whoever waits for it goes on before
+    def tell_late(future: Future[Reply]) -> None:  # a waiting caller continues before
         assert future is not first or asked_again.wait(SOON)
         tell(future)
 

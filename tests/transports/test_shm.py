@@ -76,7 +76,7 @@ def files() -> set[str]:
 @pytest.fixture(autouse=True)
 def nothing_is_left(own_runtime_folder: Path) -> Iterator[None]:
     """In a folder of its own: an array that an earlier test has forgotten is a transport's until it is collected, and
-    what was left is removed only where nobody is."""
+    leftovers are removed only without members."""
     yield
     if segments():
         gc.collect()
@@ -232,7 +232,7 @@ def test_arrays_outlive_larger_messages_their_publisher_and_their_transport() ->
     kept.arrays.clear()
 
     def nothing_is_left() -> bool:
-        opened().close()  # whoever comes later and leaves as the last one cleans up
+        opened().close()  # the last process to leave cleans up
         return not segments()
 
     wait_until(nothing_is_left)  # a thread of the closed ones may have held the last message for a moment more
@@ -432,7 +432,7 @@ def test_a_publisher_that_waits_is_called_once_there_is_room(tmp_path: Path) -> 
     receipts, backlog = Receipts(tmp_path / "reader"), Backlog()
     receipts.begin(7)
     backlog.meet([Reader(tmp_path / "reader", 7, 0)])
-    assert not receipts.took(7, 1)  # nobody waits
+    assert not receipts.took(7, 1)  # no thread waits
     assert not backlog.wait(5, 4, time.monotonic(), lambda: None)
     assert [receipts.took(7, number) for number in (2, 3, 4)] == [False, True, False]
 
@@ -507,7 +507,7 @@ def test_messages_that_wait_for_their_handler_do_not_hold_up_their_publisher(
     wait_until(lambda: heard.qsize() == 6)
 
 
-# Nothing stays, and nobody else sees it.
+# Nothing stays, and no other user sees it.
 
 
 def test_closing_leaves_nothing() -> None:
@@ -820,7 +820,7 @@ def test_after_too_many_wake_ups_all_numbers_count_as_received(tmp_path: Path) -
     wakeup = Wakeup(tmp_path / "wakeup")
     waker = Waker(tmp_path / "wakeup")
     for _ in range(10_000):
-        assert waker.wake(3)  # nobody is held up
+        assert waker.wake(3)  # no thread is held up
     assert set(wakeup.wait(SOON)) == set(range(WAKEUPS))
     wakeup.close()
 
@@ -1126,7 +1126,7 @@ def test_malformed_messages_are_counted(
     outlet.send(blob(there, b"fine"))
     assert inbox.get(timeout=SOON) == b"fine"
     wait_until(lambda: link.stats.malformed == 2)
-    assert sum("malformed" in record.message for record in caplog.records) == 2  # of the link, and of nobody's
+    assert sum("malformed" in record.message for record in caplog.records) == 2  # of the link, and of none
     sender.close()
 
 

@@ -1,4 +1,4 @@
-"""Whether somebody is woken before what he waits for is written."""
+"""Early wake-ups: a thread is woken before the message that it waits for is written."""
 
 from __future__ import annotations
 

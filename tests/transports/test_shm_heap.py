@@ -118,7 +118,7 @@ print("ok")
 
 @pytest.mark.tool
 def test_large_and_small_requests_by_turns_fit_into_the_shared_memory_of_a_container() -> None:
-    """64 MB, unless somebody says more. To mount it takes root."""
+    """64 MB by default. Mounting needs root."""
     mount = 'mount -t tmpfs -o size=64m tmpfs /dev/shm && exec "$0" -c "$1"'
     whole = ["unshare", "-m", "sh", "-c", mount, sys.executable, CONTAINER]
     done = subprocess.run(whole, capture_output=True, text=True, timeout=SOON * 12)

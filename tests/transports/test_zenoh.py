@@ -242,7 +242,7 @@ def test_garbage_for_an_inlet_is_dropped_counted_and_logged_once(
         noise = secrets.token_bytes(number % 29)  # as long as no header
         outsider.put("rc/0/a/b/c", noise, attachment=noise, congestion_control=zenoh.CongestionControl.BLOCK)
         outsider.put("rc/0/a/b/c", noise, congestion_control=zenoh.CongestionControl.BLOCK)
-    outsider.get("rc/0/a/b/c", payload=b"?")  # nobody answers questions there
+    outsider.get("rc/0/a/b/c", payload=b"?")  # no program answers there
     wait_until(lambda: link.stats.malformed == 200)
     outlet.send(blob(other, b"good"))
     wait_until(lambda: len(heard) == 1)
@@ -312,7 +312,7 @@ def test_garbage_between_calls_does_no_harm(transport: ZenohTransport, other: An
     server.close()
 
 
-# What must not be lost, and to whom.
+# Messages that must not be lost, and their receivers.
 
 
 def test_best_effort_subscribers_hear_reliable_publishers_and_do_not_hold_them_up(

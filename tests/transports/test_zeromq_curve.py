@@ -48,7 +48,7 @@ class Keys:
         }
 
     def of(self, client: Path) -> Secure:
-        """How somebody with that key connects to the server."""
+        """How a client with this key connects to the server."""
         return Curve(*key_pair(client), self.admitted).ask(key_pair(self.server)[0])
 
 
@@ -75,7 +75,7 @@ def address(keys: Keys) -> Iterator[str]:
 
 
 def asking(outsider: Outsider, address: str, secure: Secure | None, number: int = 1) -> zmq.Socket[bytes]:
-    """A socket by which somebody has asked."""
+    """A socket that has sent a request."""
     socket = new_socket(outsider.context, zmq.DEALER, secure, RCVTIMEO=int(SOON * 1000), LINGER=0)
     outsider.sockets.append(socket)
     socket.connect(address)

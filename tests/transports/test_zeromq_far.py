@@ -497,7 +497,7 @@ def test_what_was_recorded_of_an_encrypted_connection_is_worth_nothing(
 
 
 def test_a_command_that_is_sent_again_is_executed_once(hosts: Hosts) -> None:
-    """By somebody who has the keys; what crosses without any can be recorded and sent again by anybody."""
+    """By a process with the keys; without keys, any program can record and resend messages."""
     camera = hosts.camera(with_keys=False)
     moved = queue.Queue[Any]()
     inlet = camera.inlet(MOVE, moved.put)

@@ -27,7 +27,7 @@ def ready(kind: bytes) -> bytes:
 
 
 def beginnings(kind: bytes) -> dict[str, bytes]:
-    """What somebody says who then hangs, as a socket of that kind."""
+    """The first words of a peer that then hangs, for a socket of this kind."""
     return {
         "nothing": b"",
         "half a greeting": GREETING[:30],
@@ -80,7 +80,7 @@ def hanging() -> Iterator[Callable[[str, bytes], None]]:
 
 @pytest.fixture
 def impostor(transport: ZeroMQTransport, tmp_path: Path) -> Iterator[Callable[[str, Channel, bytes], None]]:
-    """Announces what is none of ours: it greets whoever connects, says something, and hangs."""
+    """Announces a foreign server: it greets each connection, sends something, and hangs."""
     with contextlib.ExitStack() as everything:
 
         def announce(role: str, channel: Channel, words: bytes) -> None:

@@ -74,7 +74,7 @@ def outsider() -> Iterator[Outsider]:
 
 
 def address_of(transport: ZeroMQTransport, role: str, channel: Channel) -> str:
-    """Where something is served, as the directory's files tell anybody."""
+    """The address of a server, as in the files of the directory."""
     wait_until(lambda: transport.directory.find(role, channel.name))
     return transport.directory.find(role, channel.name)[0][1].address
 
@@ -335,7 +335,7 @@ def test_a_publisher_that_comes_while_a_subscription_is_opened_is_heard(
 
 
 def _remove(folder: Path) -> None:
-    """At once: whoever removes one file after the other meets the transport removing some, too."""
+    """At once: removing one file after the other would race with the transport."""
     folder.rename(folder.with_name(f"gone-{secrets.token_hex(4)}"))
 
 

@@ -70,7 +70,7 @@ def raw(path: Path) -> Iterator[Callable[[], plain.socket]]:
 
 
 def hear_out(other: plain.socket, kind: bytes = b"DEALER") -> None:
-    """Read what everybody says at first."""
+    """Read the greeting that every peer sends first."""
     left = len(GREETING + ready(kind))
     while left:
         left -= len(other.recv(left))

@@ -1,4 +1,4 @@
-"""Values that somebody may try to send one day, made anew each time: some are used up by looking."""
+"""Unusual values to send, made anew each time, because reading uses up some of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values handed over within one process: nothing is copied that nobody can change."""
+"""Values handed over within one process: values that cannot change are not copied."""
 
 from __future__ import annotations
 

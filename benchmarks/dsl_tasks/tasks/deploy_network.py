@@ -87,5 +87,5 @@ def _alive(runtime: str) -> list[int]:
             if f"ROBOCOMP_RUNTIME_DIR={runtime}".encode() in (folder / "environ").read_bytes().split(b"\0"):
                 found.append(int(folder.name))
         except OSError:
-            continue  # it has ended, or is somebody else's
+            continue  # it has ended, or belongs to another user
     return found

@@ -78,7 +78,7 @@ fast = true
 width=640
 Robot.Name = "left arm"
 """
-# What a generator of RoboComp has left in `src`, and nobody may load: it wants Ice, and its files.
+# What a generator of RoboComp has left in `src`, which must not be loaded: it needs Ice, and its files.
 THEIRS = """\
 import Ice
 raise RuntimeError("this is the generated part of RoboComp")

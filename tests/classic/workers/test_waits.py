@@ -23,7 +23,7 @@ class House:
     def __init__(self) -> None:
         self.out: set[int] = set()
         self.left = 0
-        """How often somebody went out."""
+        """How often a thread went out."""
         self.taken = 0
         """How many locks are."""
         self.begun = waits.Begun()

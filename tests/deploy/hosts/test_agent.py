@@ -37,7 +37,7 @@ class Controller:
 
     async def is_told(self, *kinds: str) -> dict[str, Any]:
         """The first message of one of these kinds."""
-        async with asyncio.timeout(SOON * 3):  # that somebody is silent takes a while
+        async with asyncio.timeout(SOON * 3):  # noticing silence takes a while
             while line := await self._reader.readline():
                 message: dict[str, Any] = json.loads(line)
                 if message["tell"] in kinds:
@@ -117,7 +117,7 @@ def test_a_controller_that_took_over_is_not_ended_with_its_predecessor(own_runti
         agent = Agent("Net")
         running, first = await run_by_first(agent)
         await first.is_told("opened")
-        await agent._alone()  # as is begun when somebody is lost, and may run once the next one is there
+        await agent._alone()  # begins when a controller is lost, and may still run when the next one is there
         assert not agent._ending
         await first.leave()
         await running

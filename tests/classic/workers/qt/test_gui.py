@@ -1,4 +1,4 @@
-"""Components with real Qt, run as their users run them: their windows are there, though nobody sees them."""
+"""Components with real Qt, run as their users run them, with hidden windows."""
 
 from __future__ import annotations
 
