@@ -444,7 +444,19 @@ def test_an_announcement_with_a_duplicate_is_withdrawn_completely(
     wait_until(lambda: not there.bus.endpoints.find("serves", name))
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"id": 1e999}', '{"id": Infinity}', '{"id": []}', "[1]", "1", "half"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"id": 1e999}',
+        '{"id": Infinity}',
+        '{"id": []}',
+        "[1]",
+        "1",
+        "half",
+        pytest.param("[" + "{}," * 20_000_000 + "{}]", id="60 MB"),
+    ],
+)
 def test_what_strangers_say_of_themselves_may_be_anything(text: str) -> None:
     assert endpoints_module._said(endpoints_module._MARK + zlib.compress(text.encode())) == [{}]
 
