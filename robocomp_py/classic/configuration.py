@@ -25,7 +25,7 @@ from . import icelines
 from .icelines import OfIce, OfIceKind
 from .workers.kind import accepts as is_existing
 
-_UNDECLARED = "the component has no parameters (params in its .cdsl)"
+_UNDECLARED = "a parameter, and the component has none (params in its .cdsl)"
 
 
 SECTIONS = ("Proxies", "Endpoints", "Period", "Ice", "Agent")

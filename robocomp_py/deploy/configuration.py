@@ -16,6 +16,7 @@ from ..dsl.diagnostics import Diagnostic
 from ..dsl.source import Source, Span
 from ..dsl.workspace import ENDINGS, Workspace
 from ..errors import ConfigurationError
+from ..plugins import worker_loader
 from ..runtime import settings
 from ..runtime.document import Document, NotToml
 from ..runtime.settings import Settings
@@ -47,7 +48,7 @@ def check_configuration(path: Path, workspace: Workspace, against: Path | None =
     component = _component(model, workspace)
     if component:
         known = model.suffix.lower() != ".pdsl"
-        check_text(source, component, workspace, ports=known, middleware=generated_for(model.parent) if known else "")
+        check_text(source, component, workspace, model.parent, ports=known)
 
 
 def model_beside(path: Path) -> Path | None:
@@ -67,13 +68,8 @@ def _component(model: Path, workspace: Workspace) -> Component | None:
     return Component(params.name, (), params) if params else None
 
 
-def check_text(
-    source: Source, component: Component, workspace: Workspace, *, ports: bool = True, middleware: str = ""
-) -> None:
-    """Report what is wrong with a configuration for a component; not with its ports, if these are not known.
-
-    `middleware` is what its generic part was generated for.
-    """
+def check_text(source: Source, component: Component, workspace: Workspace, folder: Path, *, ports: bool = True) -> None:
+    """Report what is wrong with a configuration for the component of a folder; not its ports, if they are unknown."""
     report = workspace.report
     about = component.params, component.topics
     try:
@@ -87,7 +83,8 @@ def check_text(
     except ConfigurationError as exc:  # another form, which no installed package reads
         report.error("config-syntax", str(exc).removeprefix(f"{source.path}: "), source.span(0, 0))
         return
-    settings.settle(document, component, middleware)
+    document.passed_on = component.params is None and worker_loader(folder) is not None
+    settings.settle(document, component, generated_for(folder) if ports else "")
     checked, complaints = settings.examine(component, document)
     complaints = [each for each in complaints if not _may_be_left_out(each, mended)]
     for each in [*complaints, *_unknown_middlewares(checked)]:
@@ -101,7 +98,7 @@ def check_text(
         span = source.span(note.spot.key[0], note.spot.value[1]) if note.spot else source.span(0, 0)
         if not note.understood and span.start not in told:
             report.warning("config-not-understood", note.why, span)
-        elif note.understood and not note.became:
+        elif note.understood and not note.became and not (note.undeclared and document.passed_on):
             report.warning("config-without-effect", f"`{note.key}` has no effect: it is {note.why}", span)
 
 

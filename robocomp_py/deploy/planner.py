@@ -511,7 +511,7 @@ class _Planner:
         except NotToml:
             source = self._workspace.source(config) if config else None
             if source:
-                check_text(source, node.component, self._workspace, middleware=generated_for(node.linked.path.parent))
+                check_text(source, node.component, self._workspace, node.linked.path.parent)
             return
         except ConfigurationError as exc:
             origin, _, message = str(exc).partition(": ")

@@ -48,5 +48,19 @@ def test_a_configuration_of_robocomp_is_checked_too(tmp_path: Path, capsys: pyte
     ]
 
 
+def test_keys_that_an_existing_component_is_given_are_not_warned_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in {
+        "old.cdsl": "Component old { language python; };",
+        "src/specificworker.py": "from genericworker import *\nclass SpecificWorker(GenericWorker): pass\n",
+        "etc/generic_config": "Period = 50\nspeed = 7\nIce.Warn.Connections = 0\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    found = [each[:2] for each in lint(capsys, tmp_path / "etc" / "generic_config")]
+    assert found == [("warning[config-without-effect]", 3)]
+
+
 def test_what_runs_components_of_robocomp_is_sent_to_hosts() -> None:
     assert "robocomp_py/classic/workers/existing.py" in collect({})

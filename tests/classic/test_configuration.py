@@ -227,7 +227,7 @@ def test_a_component_without_parameters_ignores_them_and_says_so(tmp_path: Path)
     path.write_text("whatever = 1\n")
     document = settings.read(path)
     assert settings.check(Component("bare"), document).params == {}
-    assert [note.why for note in document.notes] == ["the component has no parameters (params in its .cdsl)"]
+    assert [note.why for note in document.notes] == ["a parameter, and the component has none (params in its .cdsl)"]
 
 
 def test_old_files_are_not_always_utf8(tmp_path: Path) -> None:
