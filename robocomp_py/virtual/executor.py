@@ -61,9 +61,8 @@ class Pause:
     def wait(self, until: int | None = None, order: float = LAST) -> bool:
         """Wait for `end` or the condition, or until an instant. Returns False if the instant came first.
 
-        Other events happen meanwhile.
-        Of several waits until the same instant, the one of the lowest `order` ends first. Raises Closed if the
-        executor is closed, and ComponentError on a thread that a component started.
+        Other events happen meanwhile. Of several waits until the same instant, the one of the lowest `order` ends
+        first. Raises Closed if the executor is closed, and ComponentError on a thread that a component started.
         """
         self._executor.wait(self, until, order)
         return self.ended
@@ -72,7 +71,7 @@ class Pause:
         """Let the thread go on because its instant has come. Without effect if its wait is over."""
         if not self.over:
             self.over = True
-            self._executor.do_next(self)
+            self._executor.do(self)
 
 
 class Executor:
@@ -161,10 +160,6 @@ class Executor:
         """Do something at the present instant, after all that was asked for before."""
         self._soon.append(job)
 
-    def do_next(self, job: Job | Pause) -> None:
-        """Do something before all that was asked for."""
-        self._soon.appendleft(job)
-
     def at(self, instant: int, job: Job, order: float = LAST) -> None:
         """Do something at an instant (ns)."""
         heapq.heappush(self._later, (instant, order, next(self._ages), job))
@@ -187,15 +182,21 @@ class Executor:
         self.check_thread()
         if self.closed:
             raise Closed("the simulation has ended")
-        if pause.condition():
-            return
         if pause.ended:  # before the wait began
             self._soon.remove(pause)
+            return
+        if pause.condition():
+            pause.over = pause.ended = True
             return
         if until is not None:
             self.at(until, pause.expire, order)
         self._waiting.append(pause)
-        self._next_thread()
+        try:
+            self._next_thread()
+        except ComponentError:
+            pause.over = True
+            self._waiting.remove(pause)
+            raise
         pause.turn.acquire()
         self._running = threading.get_ident()
         if self.closed:

@@ -145,13 +145,28 @@ def test_a_condition_ends_a_wait_after_the_event_that_made_it_true(executor: Exe
     event, story = threading.Event(), list[int]()
 
     def wait() -> None:
-        Pause(executor, event.is_set).wait(100)
-        story.append(executor.now)
+        for _ in range(2):
+            assert Pause(executor, event.is_set).wait(100)
+            story.append(executor.now)
 
     executor.do(wait)
     executor.at(9, event.set)
     executor.run(nothing_left, FOREVER)
-    assert story == [9]
+    assert story == [9, 9], "the second wait does not begin"
+
+
+def test_a_wait_fails_if_no_thread_can_go_on_instead(executor: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
+    story: list[str] = []
+
+    def wait() -> None:
+        monkeypatch.setattr("robocomp_py.virtual.executor.start_thread", lambda thread: False)
+        with pytest.raises(ComponentError, match="no thread can be started"):
+            Pause(executor).wait(10)
+        story.append("goes on")
+
+    executor.do(wait)
+    executor.run(nothing_left, 20)
+    assert story == ["goes on"]
 
 
 def test_a_run_may_return_while_events_wait_and_go_on_later(executor: Executor) -> None:
