@@ -16,6 +16,7 @@ from __future__ import annotations
 import codecs
 import gc
 import os
+import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -187,7 +188,9 @@ class Workspace:
             case _:
                 at = Source(path, "", has_places=False).span(0, 0)
                 message = f"no language has this file name extension; known: {', '.join(ENDINGS)}"
-                self.report.error("unknown-language", message, at, did_you_mean(path.suffix, ENDINGS))
+                is_configuration = path.suffix == ".toml" or path.parent.name == "etc"
+                lint = f"check a configuration with: rc lint {shlex.quote(str(path))}" if is_configuration else ""
+                self.report.error("unknown-language", message, at, did_you_mean(path.suffix, ENDINGS) or lint)
 
     def interfaces(self, path: Path) -> Module | None:
         """The module of an IDSL file."""

@@ -655,3 +655,11 @@ def test_what_a_killed_run_left_behind_is_removed_by_the_next_one(arm: Path) -> 
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert rcgen([str(arm / "arm.cdsl")]) == 0
     assert [folder.exists() for folder in (stale, busy, unknown)] == [False, True, True]
+
+
+def test_a_configuration_is_no_model(tmp_path: Path, capsys: Said) -> None:
+    path = tmp_path / "etc" / "config"
+    path.parent.mkdir()
+    path.write_text("Period = 100\n")
+    assert rcgen([str(path)]) == 1
+    assert f"check a configuration with: rc lint {path}" in "".join(capsys.readouterr())

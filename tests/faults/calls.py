@@ -202,7 +202,41 @@ def _stopped(run: Run) -> Result:
     return Result(figures, run.check(history))
 
 
+def _beside_a_camera(run: Run) -> Result:
+    """A client calls at 100 Hz, while a camera publishes images of 6 MB at 20 Hz on the same host."""
+    calls, channel, images = run.rounds(3000, 200), _CHANNEL.format(0), "faults/Conformance/images"
+    with run.laboratory() as laboratory:
+        server, client = laboratory.start("s0"), laboratory.start("c0")
+        camera, viewer = laboratory.start("camera"), laboratory.start("viewer")
+        server.serve(channel=channel)
+        viewer.subscribe(channel=images, depth=1)
+        camera.publish(channel=images, count=10**9, pace=0.05, size=6_000_000)
+        until(lambda: viewer.written() > 0, 20.0, "the viewer gets an image")
+        client.ask(channel=channel, calls=calls, pace=0.01)
+        client.wait(channel=channel, timeout=calls * 0.1 + 60.0)
+        camera.stop(channel=images)
+        history = laboratory.end()
+    asked = {event.call: event.at for event in history if isinstance(event, Asked)}
+    ended = [event for event in history if isinstance(event, Ended)]
+    took = sorted(event.at - asked[event.call] for event in ended)
+    figures = [
+        Figure("calls", len(ended)),
+        Figure("that failed", sum(event.outcome != "ok" for event in ended), "", 0),
+        Figure("p99", took[int(len(took) * 0.99)] * 1000, "ms", 20, timed=True),
+        Figure("slowest", took[-1] * 1000, "ms"),
+    ]
+    return Result(figures, run.check(history))
+
+
 ROWS = [
+    Row(
+        "camera",
+        "calls at 100 Hz beside images of 6 MB at 20 Hz",
+        "0 calls fail; p99 ≤ 20 ms",
+        HERE,
+        45,
+        _beside_a_camera,
+    ),
     Row(
         "kill",
         "kill -9 of a server in mid-call, 1000 times",
