@@ -71,7 +71,7 @@ def told(program: subprocess.Popen[str]) -> list[str]:
 def test_a_plain_program_hears_a_topic(transport: ZenohTransport, plain: Start) -> None:
     outlet = transport.outlet(channel(news, Pattern.PUBLISH))
     program = plain("hear", "*/Everything/news")
-    wait_until(lambda: outlet.heard)  # type: ignore[union-attr]  # a publisher
+    wait_until(lambda: outlet.has_subscribers)  # type: ignore[union-attr]  # a publisher
     outlet.send(transport.codec.encoder(news.request)((7, "hello")))
     assert told(program) == ["heard message 1: 7, hello", NONE_OF_OURS]
 
