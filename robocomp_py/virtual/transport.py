@@ -52,7 +52,7 @@ class Listener(Protocol):
 
 
 class Air:
-    """What the transports of one simulation share: their links, and who listens to all of them."""
+    """What the transports of one simulation share: their links, and the listener to all that they say."""
 
     def __init__(self, executor: Executor, listener: Listener) -> None:
         self.executor, self.listener, self.bus = executor, listener, Bus()
