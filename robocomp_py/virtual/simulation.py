@@ -79,9 +79,11 @@ class Simulation:
 
     @property
     def acting(self) -> str:
-        """The instance whose hook runs; "" if none does."""
+        """The instance whose code runs; "" if none does."""
         stepping = [each for each in self._executor.stepping if isinstance(each, Simulated)]
-        return stepping[-1].instance if stepping else ""
+        inside = (each for each in self._components.values() if each.is_inside)
+        acting = next(inside, stepping[-1] if stepping else None)
+        return acting.instance if acting else ""
 
     def __getitem__(self, instance: str) -> Simulated:
         """A component, to look into. Raises KeyError, which names the most similar one."""
@@ -165,6 +167,11 @@ class Simulated:
     @property
     def failed(self) -> bool:
         return self._running.failed
+
+    @property
+    def is_inside(self) -> bool:
+        """Whether a method of its worker runs, and does not wait."""
+        return self._running.monitor.is_inside
 
     def is_over(self) -> bool:
         return self._running.is_over
