@@ -30,6 +30,7 @@ from ..contract.types import (
     Type,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
+from .columns import ColumnDictionary, has_columns
 from .items import Left
 from .layouts import CdrRecords
 from .program import Leaf, leaves_of
@@ -65,18 +66,18 @@ class Cdr:
 
     name = "cdr"
 
-    def __init__(self, room: int = 0) -> None:
-        self._room = room
+    def __init__(self, room: int = 0, *, columns: bool = False) -> None:
+        self._room, self._columns = room, columns
 
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
-        return _EncodeProgram(message, self._room).compile()
+        return _EncodeProgram(message, self._room, self._columns).compile()
 
     def pieces(self, message: Struct) -> Encoder:
         """Like `encoder`, but returns a list of the parts of a payload, with arrays as they are."""
-        return _EncodeProgram(message, self._room).compile(join=False)
+        return _EncodeProgram(message, self._room, self._columns).compile(join=False)
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
-        return _DecodeProgram(message, self._room).compile(prefix)
+        return _DecodeProgram(message, self._room, self._columns).compile(prefix)
 
 
 # What has a fixed size is a run of primitives, its leaves.
@@ -114,9 +115,9 @@ def _aligned(letters: str, start: int) -> str:
 class _EncodeProgram(Writing):
     """Writes `encode(values) -> bytes`."""
 
-    def __init__(self, message: Struct, room: int) -> None:
+    def __init__(self, message: Struct, room: int, columns: bool) -> None:
         super().__init__(message)
-        self._room = room
+        self._room, self._columns = room, columns
         self._begun = False
         """Whether anything has been written. The first run is packed together with the encapsulation."""
 
@@ -200,6 +201,9 @@ class _EncodeProgram(Writing):
                 p.line(f"{entries} = {p.name(as_dict)}({x})")
                 self._run("I", f"len({entries})")
                 self._end_run()
+                if self._columns and has_columns(kind):
+                    p.line(f"n = {p.name(ColumnDictionary(kind).write)}({entries}, n, add)")
+                    return
                 self._loop(f"{k}, {v} in {entries}.items()", (key, k), (item, v))
             case Enumeration():
                 raise AssertionError("enumerations have leaves")
@@ -237,8 +241,9 @@ class _DecodeProgram(Reading):
     What is aligned is aligned from behind the encapsulation, which is `ENCAPSULATION` modulo 8, since room is.
     """
 
-    def __init__(self, message: Struct, room: int) -> None:
+    def __init__(self, message: Struct, room: int, columns: bool) -> None:
         super().__init__(message)
+        self._columns = columns
         self._start = len(ENCAPSULATION) + room
         self._slack = len(_TAILS[1]) if room else 3  # DDS may pad a payload to a multiple of four
 
@@ -301,6 +306,10 @@ class _DecodeProgram(Reading):
             case Dictionary(key, item):
                 (count,) = self._run("I")
                 self._end_run()
+                if self._columns and has_columns(kind):
+                    p.line(f"{p.name(check_count)}(data, n, {count}, left)")
+                    p.line(f"{result}, n = {p.name(ColumnDictionary(kind, _ORIGIN).read)}(data, n, {count})")
+                    return result
                 p.line(f"{result} = {{}}")
                 self._repeat(count, (key, item), f"{result}[{{}}] = {{}}", result)
             case Struct() | Enumeration():

@@ -45,14 +45,15 @@ from robocomp_py.wire.messagepack import MessagePack
 
 from .messages import messages, patiently
 
-CODECS: list[Codec] = [Cdr(), MessagePack(), Ice(), Identity()]
-WIRES: list[Codec] = [Cdr(), MessagePack(), Ice()]
+CODECS: list[Codec] = [Cdr(), Cdr(columns=True), MessagePack(), Ice(), Identity()]
+WIRES: list[Codec] = [Cdr(), Cdr(columns=True), MessagePack(), Ice()]
 
 HEADS = {"cdr": b"\x00\x01\x00\x00", "ice": b"\x00\x00\x00\x00\x01\x01"}
 """How payloads begin that are one piece; that of `ice` with its size, which `_payload` puts in."""
 
-every_codec = pytest.mark.parametrize("codec", CODECS, ids=lambda codec: codec.name)
-every_wire = pytest.mark.parametrize("codec", WIRES, ids=lambda codec: codec.name)
+NAMES = ["cdr", "cdr with columns", "messagepack", "ice", "identity"]
+every_codec = pytest.mark.parametrize("codec", CODECS, ids=NAMES)
+every_wire = pytest.mark.parametrize("codec", WIRES, ids=NAMES[:-1])
 
 
 def one(kind: Type) -> Struct:

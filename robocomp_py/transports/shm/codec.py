@@ -28,6 +28,9 @@ class Parts(list[Any]):
 class ApartCdr(Cdr):
     """A payload to be sent is octets or `Parts`; a received one is always octets."""
 
+    def __init__(self) -> None:
+        super().__init__(columns=True)  # only programs of ours read them
+
     def encoder(self, message: Struct, *, snapshot: bool = True) -> Encoder:
         if not _has_arrays(message, set()):
             return super().encoder(message)
