@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -30,15 +31,23 @@ Component asker { Communications { requires Hello; }; language python; period 20
 """
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A server, a client and their network."""
-    assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
-    (tmp_path / "asker").mkdir()
-    (tmp_path / "asker" / "asker.cdsl").write_text(ASKER)
-    assert rcgen([str(tmp_path / "asker" / "asker.cdsl")]) == 0
-    compute(tmp_path, "self.hello_proxy.greet(str(self.now()))")
-    (tmp_path / "net.ddsl").write_text(NETWORK)
+    root = tmp_path_factory.mktemp("simulate")
+    assert rcgen(["--new", "Hello", "-o", str(root / "hello")]) == 0
+    (root / "asker").mkdir()
+    (root / "asker" / "asker.cdsl").write_text(ASKER)
+    assert rcgen([str(root / "asker" / "asker.cdsl")]) == 0
+    compute(root, "self.hello_proxy.greet(str(self.now()))")
+    (root / "net.ddsl").write_text(NETWORK)
+    return root
+
+
+@pytest.fixture
+def folder(generated: Path, tmp_path: Path) -> Path:
+    """The same, for one test."""
+    shutil.copytree(generated, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 
