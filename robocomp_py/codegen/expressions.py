@@ -16,6 +16,7 @@ from .layout import WIDTH, assigned, call, capital, commented, docstring, quoted
 from .names import (
     argument,
     class_name,
+    handler_class,
     interface_constant,
     loan,
     loan_arguments,
@@ -267,9 +268,9 @@ def handler_signature(port: Port, operation: Operation[Any]) -> str:
     return signature(port.handler(operation.name), arguments, returns(operation, ""))
 
 
-def handler(port: Port, operation: Operation[Any]) -> str:
-    """A new handler: a method that returns default values."""
-    lines = [handler_signature(port, operation), f"    {docstring(operation_doc(operation), 8)}"]
+def handler(port: Port, operation: Operation[Any], first: str = "") -> str:
+    """A new handler: a method that returns default values. `first` is its first line if it is not the usual one."""
+    lines = [first or handler_signature(port, operation), f"    {docstring(operation_doc(operation), 8)}"]
     zeros = [zero(output.type, "") for output in operation.outputs]
     line = f"return {', '.join(zeros)}"
     if zeros and len(line) + 8 > WIDTH:
@@ -365,6 +366,8 @@ def port_expression(port: Port, indent: int) -> str:
         arguments.append(f'number="{port.number}"')
     if port.qos != QoS():
         arguments.append(f"qos={_qos(port.qos, indent + 4)}")
+    if port.each:
+        arguments.append("each=True")
     if port.concurrent:
         arguments.append("concurrent=True")
     if port.middleware:
@@ -399,7 +402,7 @@ def operation_doc(operation: Operation[Any]) -> str:
 
 def overlap_doc(component: Component) -> str:
     """The docstring of a worker: which of its methods run at the same time."""
-    concurrent = [f"{port.handler('')}…" for port in component.ports if port.concurrent]
+    concurrent = [_methods(port) for port in component.ports if port.concurrent]
     if not concurrent:
         rule = "Only one method runs at a time."
     else:
@@ -408,6 +411,11 @@ def overlap_doc(component: Component) -> str:
             "Protect attributes that they share with a lock. Of the other methods, only one runs at a time."
         )
     return f"{rule} While it waits for the reply of another component, a handler may run."
+
+
+def _methods(port: Port) -> str:
+    """The handlers of a port, for readers."""
+    return f"of {handler_class(port)}" if port.each else f"{port.handler('')}…"
 
 
 def struct_doc(name: str, doc: str, parts: Sequence[str] = ()) -> str:

@@ -20,7 +20,7 @@ from ..contract.interface import Interface
 from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
-from . import configuration, expressions, layout, machine, names, timers
+from . import configuration, expressions, instances, layout, machine, names, timers
 from .imports import bound_names, complete
 from .layout import on_one_line
 from .linting import excused_file
@@ -100,7 +100,8 @@ def _generic(model: Model) -> dict[str, str]:
     for module in model.modules:
         text = generate_module(module, component.ports, siblings)
         texts[f"generic/{names.module_name(module.name)}.py"] = text
-    texts["generic/genericworker.py"] = complete(_render("genericworker.py.j2", **_common(model)), siblings)
+    text = _render("genericworker.py.j2", **_common(model), aliases=_Aliases())
+    texts["generic/genericworker.py"] = complete(text, siblings)
     common = _common(model)
     if common["proxies"]:
         text = _render("fakes.py.j2", **common, aliases=_Aliases())
@@ -119,11 +120,20 @@ def _specific(model: Model) -> dict[str, str]:
     return {
         "__init__.py": _render("init.py.j2", component=component),
         "__main__.py": _render("main.py.j2", component=component),
-        "specificworker.py": complete(_render("specificworker.py.j2", **_common(model)), siblings, ".generic"),
+        "specificworker.py": complete(
+            _render("specificworker.py.j2", **_common(model), aliases=_Aliases()),
+            siblings,
+            ".generic",
+            _handler_classes(component),
+        ),
         "etc/config.toml": _render("config.toml.j2", **_common(model)),
         "README.md": _render("readme.md.j2", **_common(model), pdsl=model.pdsl, statemachine=model.statemachine),
         _test(component): _render("test_component.py.j2", component=component),
     }
+
+
+def _handler_classes(component: Component) -> list[str]:
+    return [names.handler_class(port) for port in component.named]
 
 
 def _test(component: Component) -> str:
@@ -137,7 +147,9 @@ def _common(model: Model) -> dict[str, Any]:
         "cdsl": model.cdsl,
         "middleware": model.middleware,
         "handlers": component.handlers(),
-        "proxies": [port for port in component.ports if port.verb.has_proxy],
+        "proxies": [port for port in component.ports if port.verb.has_proxy and not port.each],
+        "named": component.named,
+        "answering": [port for port in component.named if not port.verb.has_proxy],
         "states": machine.states_of(component),
     }
 
@@ -168,7 +180,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Python and TOML, not HTML
     )
-    for filters in (names, layout, expressions, configuration, machine, timers):
+    for filters in (names, layout, expressions, configuration, machine, timers, instances):
         environment.filters |= {
             name: each
             for name, each in vars(filters).items()

@@ -45,16 +45,22 @@ API = (
     ),
     *("Machine", "Verb", "Worker"),
 )
+NAMED = ("InstanceHandler", "NamedHandlers", "NamedProxies")
 BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
 
 
-def complete(text: str, siblings: Collection[str], package: str = ".") -> str:
-    """Replace the mark by the imports of libraries, and of the modules of a package that the text uses."""
+def complete(text: str, siblings: Collection[str], package: str = ".", handlers: Sequence[str] = ()) -> str:
+    """Replace the mark by the imports of libraries, and of the modules of a package that the text uses.
+
+    `handlers` are the classes beside GenericWorker that the text may use.
+    """
     used = used_names(text) - set(bound_names(text))
-    return excused(text).replace(MARK, import_statements(used, siblings, package), 1)
+    return excused(text).replace(MARK, import_statements(used, siblings, package, handlers), 1)
 
 
-def import_statements(used: Collection[str], siblings: Collection[str], package: str) -> str:
+def import_statements(
+    used: Collection[str], siblings: Collection[str], package: str, handlers: Sequence[str] = ()
+) -> str:
     """The imports of these names, ordered and laid out as formatters do."""
     standard = [import_from(source, names) for source, names in _using(STANDARD, used)]
     standard = [*(f"import {name}" for name in ("builtins", "typing") if name in used), *standard]
@@ -62,10 +68,16 @@ def import_statements(used: Collection[str], siblings: Collection[str], package:
     libraries += [import_from(source, names) for source, names in _using(NUMPY, used)]
     libraries += [import_from(source, names) for source, names in _using({"robocomp_py.runtime.api": API}, used)]
     libraries += [
+        import_from(source, names) for source, names in _using({"robocomp_py.runtime.instances": NAMED}, used)
+    ]
+    libraries += [
         import_from(source, names) for source, names in _using({"robocomp_py.testing.fakes": ("Fake",)}, used)
     ]
     own = [import_from(package, names) for _, names in _using({package: tuple(siblings)}, used)]
-    own += ["from .generic.genericworker import GenericWorker"] if "GenericWorker" in used else []
+    own += [
+        import_from(source, names)
+        for source, names in _using({".generic.genericworker": ("GenericWorker", *handlers)}, used)
+    ]
     own += [import_from(".params", names) for _, names in _using({"": ("PARAMS", "Params")}, used)]
     return "\n".join("\n".join(group) + "\n" for group in (standard, libraries, own) if group)
 

@@ -136,6 +136,11 @@ def proxy_class(port: Port) -> str:
     return naming.proxy_class(port.interface.short, port.verb)
 
 
+def handler_class(port: Port) -> str:
+    """The name of the class that answers for one named instance."""
+    return f"{port.interface.short}Handler"
+
+
 def camel(name: str) -> str:
     """`left_motors` → `LeftMotors`."""
     return "".join(part[:1].upper() + part[1:] for part in re.split(r"[_\W]+", name))

@@ -73,7 +73,7 @@ def _uses(component: Component) -> Iterator[Use]:
     """Every channel once, in the order of the ports."""
     seen = set()
     for port in component.ports:
-        instance = component.name.lower() if port.verb.provides else names.ANY
+        instance = component.name.lower() if port.verb.provides and not port.each else names.ANY
         segment = component.segment(port) if port.verb.provides else port.interface.short
         for operation, pattern in port.interface.under(port.verb):
             channel = names.channel("", instance, segment, operation.name)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import keyword
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -24,6 +25,18 @@ TAKEN = frozenset(
 )
 """Attributes of every worker that look like a handler's name: interface, underscore, operation."""
 
+WORKER = frozenset(
+    {
+        *("after", "caller", "component", "compute", "emergency", "finish", "initialize", "instance", "log"),
+        *("middleware", "now", "params", "period", "random", "restore", "sleep", "state", "statemachine", "stop"),
+        "timers",
+    }
+)
+"""Attributes of every worker that look like the name of an interface in lower case."""
+
+HANDLER = frozenset({"caller", "instance"})
+"""Attributes of every handler of a named instance."""
+
 
 @dataclass(frozen=True)
 class Port:
@@ -38,6 +51,8 @@ class Port:
     middleware: str | None = None
     proxy: type[Any] | None = field(default=None, compare=False, repr=False)
     """The generated class through which user code calls this port."""
+    each: bool = False
+    """Whether it is provided by named instances, which the component adds while it runs."""
 
     @cached_property
     def name(self) -> str:
@@ -51,12 +66,14 @@ class Port:
 
     @property
     def attribute(self) -> str:
-        """Where the worker finds its proxy: `laser1_proxy`."""
+        """Where the worker finds its proxy: `laser1_proxy`; or its named instances: `laser`."""
+        if self.each:
+            return _unlike(self.interface.short.lower(), WORKER)
         return f"{self.name}_proxy"
 
     def handler(self, operation: str) -> str:
-        """The method that handles an operation: `Laser1_getLaserData`."""
-        return f"{self.label}_{operation}"
+        """The method that handles an operation: `Laser1_getLaserData`; for a named instance: `getLaserData`."""
+        return _unlike(operation, HANDLER) if self.each else f"{self.label}_{operation}"
 
 
 @dataclass(frozen=True)
@@ -89,13 +106,18 @@ class Component:
     timers: tuple[PeriodicTimer, ...] = ()
 
     @property
+    def named(self) -> tuple[Port, ...]:
+        """The ports that named instances provide."""
+        return tuple(port for port in self.ports if port.each)
+
+    @property
     def topics(self) -> list[str]:
         """The labels of its publication ports."""
         return [port.label for port in self.ports if port.verb.is_topic]
 
     def handlers(self) -> list[tuple[Port, Operation[Any]]]:
-        """The operations that call the component, each with its port."""
-        ports = [port for port in self.ports if not port.verb.has_proxy]
+        """The operations that call the worker, each with its port. Those of named instances call other objects."""
+        ports = [port for port in self.ports if not port.verb.has_proxy and not port.each]
         return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
 
     def fingerprints(self) -> dict[str, str]:
@@ -117,6 +139,12 @@ class Component:
         same = [each for each in self.ports if each.verb is port.verb and each.interface.short == short]
         before = same.index(port) if port in same else 0
         return f"{short}{before}" if before else short
+
+
+def _unlike(name: str, taken: Collection[str]) -> str:
+    """A name for Python: with an underscore appended if it is a keyword or taken, so that different names stay so."""
+    bare = name.rstrip("_")
+    return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name
 
 
 def numbers(uses: Iterable[tuple[Verb, str]]) -> list[str]:

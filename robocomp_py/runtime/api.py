@@ -1,4 +1,4 @@
-"""All names that generated code imports from this package."""
+"""All names that generated code imports from this package, but those of named instances: see `instances`."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,8 +12,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..contract.component import Port
-from ..contract.interface import Operation, Verb
+from ..contract.interface import Operation, Pattern, Verb
 from ..contract.middleware import carrier
+from ..contract.qos import QoS
 from ..errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
 from ..transports.base import Link, Transport, TransportConfig, TransportFactory, gathering, wait_connected
 from ..wire import names
@@ -21,10 +23,11 @@ from .commonbehavior import CommonBehavior, port_of
 from .introspection import Bound
 
 if TYPE_CHECKING:
+    from .instances import Entry, NamedInstances
     from .monitor import Monitor
     from .settings import Settings, Way
     from .tally import Tally
-    from .watching import Watching
+    from .watching import Watched, Watching
     from .worker import Worker
 
 log = logging.getLogger("robocomp.worker")
@@ -65,6 +68,10 @@ class Connections:
         """Links of proxies."""
         self.bound: list[Bound] = []
         """The ports with their routes and links."""
+        self._instances: list[NamedInstances[Any]] = []
+        """Of each port that has them."""
+        self._changing = threading.Lock()
+        """Held while links are opened or closed together, and while `bound` changes."""
         self._required: list[tuple[Port, Link]] = []
         self._missing: deque[tuple[Port, Link]] = deque()
         """The required links without a visible peer."""
@@ -77,6 +84,7 @@ class Connections:
         """Open all links. `behavior` serves CommonBehavior, unless the component implements that itself."""
         with self._transports.gathering():
             self._bind_all(behavior)
+        self._begin_instances()
         self._missing = deque(self._required)
         self._begun = time.monotonic()
 
@@ -107,9 +115,43 @@ class Connections:
         self._unconnected.clear()
         return True
 
+    def tell_missing(self) -> None:
+        """Warn of named instances that the network declares and the component has not added."""
+        for instances in self._instances:
+            instances.tell_missing()
+
+    def suspended(self) -> contextlib.AbstractContextManager[None]:
+        return self._monitor.suspended()
+
+    def bind(self, port: Port, entry: Entry[Any]) -> None:
+        """Connect a named instance. May be called on any thread."""
+        routes: list[ports.Route] = []
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            routes.append(self._route(port, operation, entry.name))
+            return routes[-1]
+
+        watches, links = _Noting(self._watching, entry.watched), entry.links
+        with self._changing, self._transports.gathering():
+            if isinstance(entry.given, ports.Proxy):
+                ports.bind_proxy(port, route, self._monitor, watches, links, entry.given)
+            else:
+                ports.bind_handlers(port, entry.handlers(port), route, self._monitor, watches, links=links)
+            entry.bound = Bound(port, routes, tuple(links), entry.name)
+            self.bound = [*self.bound, entry.bound]
+
+    def unbind(self, entry: Entry[Any]) -> None:
+        with self._changing:
+            self.bound = [each for each in self.bound if each is not entry.bound]
+        for watched in entry.watched:
+            self._watching.leave(watched)
+        ports.close_all(entry.links)
+
     def close_links(self) -> None:
+        for instances in self._instances:
+            instances.end()
         try:
-            with self._transports.gathering():
+            with self._changing, self._transports.gathering():
                 ports.close_all(self._proxied)  # first, because it ends the calls that handlers and hooks wait for
                 ports.close_all(self._links)
         except TransportError as exc:
@@ -132,10 +174,18 @@ class Connections:
                     f"or in the .ddsl of its network ({exc})"
                 ) from exc
         for port in (*provided, *wanted):
+            if port.each:
+                continue
             links = self._bind(port)
             (self._proxied if port.verb.has_proxy else self._links).extend(links)
             if port.verb is Verb.REQUIRES:
                 self._required += ((port, link) for link in links)
+
+    def _begin_instances(self) -> None:
+        for port in self._component.named:
+            instances: NamedInstances[Any] = getattr(self._worker, port.attribute)
+            self._instances.append(instances)
+            instances.begin(self)
 
     def _bind(self, port: Port) -> list[Link]:
         routes: list[ports.Route] = []
@@ -153,10 +203,12 @@ class Connections:
         self.bound.append(Bound(port, routes, links))
         return links
 
-    def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
-        chosen = self._settings.port(port, operation.name)
+    def _route(self, port: Port, operation: Operation[Any], instance: str = "") -> ports.Route:
+        """`instance` is the name of a named one."""
+        chosen = self._settings.port(port, operation.name, instance)
         if port.verb.provides:
-            where = (self._settings.namespace, self._settings.instance, self._component.segment(port))
+            name = instance or self._settings.instance
+            where = (self._settings.namespace, name, self._component.segment(port))
         else:
             where = names.resolve(chosen.source or "", self._settings.namespace, port.interface.short)
         assert chosen.qos is not None
@@ -204,6 +256,19 @@ class Connections:
             log.info("%s (%s)", what, peer)
 
 
+class _Noting:
+    """Notes the watches of one named instance, so that they end with it."""
+
+    def __init__(self, watching: Watching, noted: list[Watched]) -> None:
+        self._watching, self._noted = watching, noted
+
+    def of(self, port: Port, operation: str, pattern: Pattern, qos: QoS) -> Watched | None:
+        watched = self._watching.of(port, operation, pattern, qos)
+        if watched:
+            self._noted.append(watched)
+        return watched
+
+
 def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
     """The message about an interface of which only some operations are found; "" if that is not the case."""
     found = [link.wait_peer(0) for each, link in required if each is port]
@@ -230,11 +295,13 @@ class _Transports:
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
         """While entered, transports may delay the announcement of links that are opened or closed."""
-        with contextlib.ExitStack() as self._gathering:
-            for transport in self._open.values():
-                self._gathering.enter_context(gathering(transport))
-            yield
-        self._gathering = None
+        try:
+            with contextlib.ExitStack() as self._gathering:
+                for transport in self._open.values():
+                    self._gathering.enter_context(gathering(transport))
+                yield
+        finally:
+            self._gathering = None
 
     def __getitem__(self, name: str) -> Transport:
         if name not in self._open:

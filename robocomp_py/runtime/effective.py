@@ -55,6 +55,10 @@ def effective(component: Component, settings: Settings, document: Document, midd
         found += _params(look, component.params, settings.params, ("params",))
     for port in component.ports:
         found += _port(look, port, settings, middleware)
+    for name, tables in (settings.offers or {}).items():
+        for key, of_port in tables.items():
+            found.append(Table(("offers", name, *key)))
+            found += _members(look, of_port, ("offers", name, *key))
     for name, options in settings.transports.items():
         found.append(Table(("transports", name)))
         found += [look.value(("transports", name, key), value) for key, value in options.items()]
@@ -133,10 +137,14 @@ def _port(look: _Look, port: Port, settings: Settings, middleware: str) -> Itera
     for (name, *inner), of_operation in settings.ports.items():
         if name == port.name and inner:
             yield Table((*at, *inner))
-            for member, key in _MEMBERS.items():
-                value = getattr(of_operation, member)
-                if value is not None:
-                    yield look.value((*at, *inner, key), value)
+            yield from _members(look, of_operation, (*at, *inner))
+
+
+def _members(look: _Look, given: PortSettings, at: Key) -> Iterator[Value]:
+    for member, key in _MEMBERS.items():
+        value = getattr(given, member)
+        if value is not None:
+            yield look.value((*at, key), value)
 
 
 _MEMBERS = {"middleware": "middleware", "source": "from", "deadline": "deadline", "qos": "qos", "also": "also"}

@@ -28,6 +28,8 @@ class Bound:
     port: Port
     routes: Sequence[Route]
     links: Sequence[Link]
+    instance: str = ""
+    """The name of a named instance; "" for the component's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ def _port(bound: Bound, watched: Sequence[Watched]) -> PortStatus:
     missed, lost = _totals(watched)
     carriers = dict.fromkeys(route.middleware for each in bound.routes for route in each.all)
     return PortStatus(
-        name=port.label,
+        name=f"{bound.instance}/{port.label}" if bound.instance else port.label,
         verb=str(port.verb),
         type=port.interface.short,
         middleware=",".join(carriers),

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.interface import Interface, Operation, Pattern
@@ -35,7 +35,7 @@ from .calls import Call, Handler
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
-from .watching import Watched, Watching
+from .watching import Watched
 
 log = logging.getLogger("robocomp.worker")
 
@@ -65,6 +65,12 @@ class Route:
 
 
 Router = Callable[[Port, Operation[Any]], Route]
+
+
+class Watches(Protocol):
+    """Watches operations whose QoS needs it; see `Watching`."""
+
+    def of(self, port: Port, operation: str, pattern: Pattern, qos: QoS) -> Watched | None: ...
 
 
 class Proxy:
@@ -151,11 +157,20 @@ class Answer(Future[R]):
 
 
 def bind_proxy(
-    port: Port, router: Router, monitor: Monitor, watching: Watching | None = None
+    port: Port,
+    router: Router,
+    monitor: Monitor,
+    watching: Watches | None = None,
+    links: list[Link] | None = None,
+    proxy: Proxy | None = None,
 ) -> tuple[Proxy, list[Link]]:
-    """Connect a port that a worker calls or publishes to; return its proxy and the proxy's links."""
+    """Connect a port that a worker calls or publishes to; return its proxy and the proxy's links.
+
+    Links are appended to `links` as they are opened, so that the caller can close them if one cannot be opened.
+    `proxy` is one that exists already.
+    """
     bound: dict[str, BoundQuery | BoundSend | FanOut | WatchedSend] = {}
-    links: list[Link] = []
+    links = [] if links is None else links
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
         channel = checked_channel(route, operation, pattern)
@@ -175,8 +190,11 @@ def bind_proxy(
             sent = ways[0] if len(ways) == 1 else FanOut(ways, route.deadline)
             watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
             bound[operation.name] = WatchedSend(sent, watched, route.channel) if watched else sent
-    assert port.proxy is not None
-    return port.proxy(bound), links
+    if proxy is None:
+        assert port.proxy is not None
+        return port.proxy(bound), links
+    proxy._bound = bound
+    return proxy, links
 
 
 def bind_handlers(
@@ -184,12 +202,16 @@ def bind_handlers(
     handlers: object,
     router: Router,
     monitor: Monitor,
-    watching: Watching | None = None,
+    watching: Watches | None = None,
     *,
     lazy: bool = False,
+    links: list[Link] | None = None,
 ) -> list[Link]:
-    """Connect a port whose messages call a worker; return the links. If `lazy`, codecs are compiled at first use."""
-    links: list[Link] = []
+    """Connect a port whose messages call a worker; return the links. If `lazy`, codecs are compiled at first use.
+
+    About `links` see `bind_proxy`.
+    """
+    links = [] if links is None else links
     claimed: set[str] = set()
     for operation, pattern in port.interface.under(port.verb):
         routes = router(port, operation).all

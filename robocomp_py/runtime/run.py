@@ -263,6 +263,10 @@ class Running:
             triggers = self.component.machine.triggers().items()
             found = {name: Trigger(self._machine, transition) for name, transition in triggers}
             vars(worker).update(found, statemachine=self._machine)
+        if self.component.named:
+            from .instances import add_to  # only such a component needs it
+
+            add_to(worker, self.settings)
         if self.component.timers:
             agenda, periods = self._timing(), self.settings.timers
             worker.timers = Timers(
@@ -367,6 +371,7 @@ class Running:
         self.ready.set()
         if self._agenda:  # from now on, `after` does so
             self._begin_timers(self._agenda)
+        self._connections.tell_missing()
         log.info("ready")
         self._tell("READY=1")  # last: the launcher then starts components that depend on this one
 

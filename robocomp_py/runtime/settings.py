@@ -18,6 +18,8 @@
     also = ["shm"]                   further middlewares of a provided port; further publishers of a subscription:
                                      [{ from = "camera2", middleware = "shm" }]
     [ports.laser.getLaserData]       the same for one operation
+    [offers.front.Laser]             a named instance, with settings as those of a port; if there is a table `offers`,
+                                     the component adds no other names
     [transports.zeromq]              options of a transport
 
     ROBOCOMP__COMPONENT__PERIOD=0.05         in the environment: the same keys, parts separated by `__`
@@ -66,7 +68,7 @@ PREFIX = "ROBOCOMP__"
 VARIABLE = "environment variable "
 """Stands before the name of such a variable where it is named as the origin of a value."""
 
-KEYS = ("namespace", "middleware", "component", "timers", "params", "ports", "transports")
+KEYS = ("namespace", "middleware", "component", "timers", "params", "ports", "offers", "transports")
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ class Settings:
     params: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
     """Keys are (port,) and (port, operation)."""
+    offers: Mapping[str, Mapping[tuple[str, ...], PortSettings]] | None = None
+    """The same for each named instance, of the ports that it provides; None if any name may be added."""
     transports: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     document: Document | None = field(default=None, compare=False, repr=False)
     """The document that these settings were read from."""
@@ -126,13 +130,21 @@ class Settings:
         first = carrier(chosen.middleware, generated_for)
         return [first, *(carrier(way.middleware or first, generated_for) for way in chosen.also or ())]
 
-    def port(self, port: Port, operation: str) -> PortSettings:
-        """The effective settings of one operation of a port."""
+    def port(self, port: Port, operation: str, instance: str = "") -> PortSettings:
+        """The effective settings of one operation of a port, or of a named instance of it."""
         base = PortSettings(port.middleware or self.middleware, "", DEADLINE, port.qos)
-        for key in ((port.name,), (port.name, operation)):
-            if key in self.ports:
-                base = self.ports[key].under(base)
+        offered = (self.offers or {}).get(instance, {})
+        for table in (self.ports, offered) if offered else (self.ports,):
+            for key in ((port.name,), (port.name, operation)):
+                if key in table:
+                    base = table[key].under(base)
         return base
+
+    def offered(self, port: Port) -> frozenset[str] | None:
+        """The names of the instances that may provide a port; None if all may."""
+        if self.offers is None:
+            return None
+        return frozenset(name for name, tables in self.offers.items() if (port.name,) in tables)
 
     def peer_of(self, port: Port) -> str:
         """The peer that a port uses, for messages: the configured proxy if there is one, else the instance."""
@@ -386,9 +398,20 @@ class _Checker:
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
             timers=self._timers(self._table(data, "timers", ())),
             params=params,
-            ports=self._ports(self._table(data, "ports", ())),
+            ports=self._ports(self._table(data, "ports", ()), {port.name: port for port in self._component.ports}),
+            offers=self._offers(self._table(data, "offers", ())) if "offers" in data else None,
             transports=tables,
         )
+
+    def _offers(self, data: Mapping[str, Any]) -> dict[str, dict[tuple[str, ...], PortSettings]]:
+        known = {port.name: port for port in self._component.named}
+        found = {}
+        for name in data:
+            if not names.is_segment(name):
+                message = f"{name!r} is not a name for an instance; allowed: letters, digits, `_`, `-`"
+                self._complain("config-bad-name", ("offers", name), message)
+            found[name] = self._ports(self._table(data, name, ("offers",)), known, ("offers", name))
+        return found
 
     def _timers(self, data: Mapping[str, Any]) -> dict[str, float]:
         declared = {each.name: each.period for each in self._component.timers}
@@ -397,20 +420,21 @@ class _Checker:
                 self._complain("config-unknown-key", ("timers", name), unknown("timer", name, declared))
         return {name: self._seconds(data, name, ("timers",)) or period for name, period in declared.items()}
 
-    def _ports(self, data: Mapping[str, Any]) -> dict[tuple[str, ...], PortSettings]:
-        known = {port.name: port for port in self._component.ports}
+    def _ports(
+        self, data: Mapping[str, Any], known: Mapping[str, Port], at: Key = ("ports",)
+    ) -> dict[tuple[str, ...], PortSettings]:
         found: dict[tuple[str, ...], PortSettings] = {}
         for name in data:
             if name not in known:
-                self._complain("config-unknown-key", ("ports", name), unknown("port", name, known))
+                self._complain("config-unknown-key", (*at, name), unknown("port", name, known))
                 continue
-            table = self._table(data, name, ("ports",))
+            table = self._table(data, name, at)
             operations = [operation.name for operation, _ in known[name].interface.under(known[name].verb)]
-            found[(name,)] = self._port(known[name], table, ("ports", name), operations)
+            found[(name,)] = self._port(known[name], table, (*at, name), operations)
             for operation in operations:
                 if operation in table and operation not in _PORT_KEYS:
-                    inner = self._table(table, operation, ("ports", name))
-                    found[(name, operation)] = self._port(known[name], inner, ("ports", name, operation), ())
+                    inner = self._table(table, operation, (*at, name))
+                    found[(name, operation)] = self._port(known[name], inner, (*at, name, operation), ())
         return found
 
     def _port(self, port: Port, table: Mapping[str, Any], at: Key, operations: Iterable[str]) -> PortSettings:
@@ -580,6 +604,7 @@ def _keys_of(component: Component) -> _Keys:
         "timers": _words(each.name for each in component.timers),
         "params": _keys_of_params(component.params) if component.params else {},
         "ports": ports,
+        "offers": {},
         "transports": _words(installed.transports()),
     }
 

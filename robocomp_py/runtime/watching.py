@@ -96,6 +96,7 @@ class Watching:
         self._begun = self._clock.now()
         self._watched: list[Watched] = []
         self._news = threading.Event()
+        self._has_begun = False
         self._closed = False
         self._thread: threading.Thread | None = None
 
@@ -106,15 +107,23 @@ class Watching:
             return None
         watched = Watched(port, operation, qos, self._news.set, self._now)
         self._watched.append(watched)
+        if self._has_begun:
+            self.begin()
+            self._news.set()
         return watched
+
+    def leave(self, watched: Watched) -> None:
+        """Watch an operation no longer."""
+        self._watched = [each for each in self._watched if each is not watched]
 
     @property
     def all(self) -> tuple[Watched, ...]:
         return tuple(self._watched)
 
     def begin(self) -> None:
-        """Start to check. Raises ComponentError if the system cannot start a thread."""
-        if self._watched and self._thread is None:
+        """Start to check, now or with the first watch. Raises ComponentError if the system cannot start a thread."""
+        self._has_begun = True
+        if self._watched and self._thread is None and not self._closed:
             thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
             if not start_thread(thread):
                 raise ComponentError(f"the QoS of its topics cannot be watched: {NO_THREAD}")
@@ -137,7 +146,7 @@ class Watching:
             if missed or lost:
                 what = f"{each.port.label}.{each.operation}"
                 log.info("%s: %d deadlines were missed, publishers lost %d times", what, missed, lost)
-        self._watched.clear()
+        self._watched = []
 
     def due(self) -> int:
         """The time of the clock at which `look` should be called next."""

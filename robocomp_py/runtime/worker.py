@@ -251,10 +251,8 @@ def _takes(method: object, number: int) -> bool:
 
 def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
     """The methods that a component must have, and their arguments."""
-    for port in component.ports:
-        if not port.verb.has_proxy:
-            for operation, _ in port.interface.under(port.verb):
-                yield port.handler(operation.name), [field.attribute for field in operation.inputs]
+    for port, operation in component.handlers():
+        yield port.handler(operation.name), [field.attribute for field in operation.inputs]
     for method in component.machine.methods() if component.machine else ():
         yield method, []
     for timer in component.timers:

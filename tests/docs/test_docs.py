@@ -312,17 +312,19 @@ def test_the_configuration_that_is_explained_is_one(tmp_path: Path) -> None:
     cdsl = tmp_path / "arm.cdsl"
     cdsl.write_text(
         'import "Laser.idsl"; import "LaserPub.idsl"; Component arm { language python; params "arm.pdsl";'
-        " timer poll 1 s; Communications { requires Laser; implements Laser; subscribesTo LaserPub; }; };"
+        " timer poll 1 s; Communications { requires Laser; implements Laser; subscribesTo LaserPub;"
+        " publishes LaserPub each; }; };"
     )
     (tmp_path / "arm.pdsl").write_text("ComponentParams arm { max_speed float 1 0:2; };")
     linked = Workspace().component(cdsl)
     assert linked is not None
     given = settings.check(linked.component, settings.Document(tomllib.loads(toml)))
-    proxy, handlers, topic = linked.component.ports
+    proxy, handlers, topic, named = linked.component.ports
     assert given.port(proxy, "getLaserData").deadline == 0.1
     assert given.port(proxy, "getLaserConfData").deadline == 0.5
     assert given.port(handlers, "getLaserData").middleware == "inproc"
     assert given.port(topic, "pushLaserData").qos == QoS(Reliability.RELIABLE, depth=1)
+    assert given.port(named, "pushLaserData", "front").middleware == "shm"
     assert (given.period, given.timers, given.params) == (0.05, {"poll": 0.02}, {"max_speed": 0.5})
 
 

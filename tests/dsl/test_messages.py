@@ -376,7 +376,7 @@ arm.cdsl:3:5: warning[ineffective-gui]: a `gui` has no effect yet
         "arm.cdsl",
         'import "Laser.idsl";\nComponent arm { Communications { requires Laser. GotoPoint; }; language python; };',
         """\
-arm.cdsl:2:48: error[syntax]: unexpected `.`; expected `(`, `,`, `;`, `concurrent` or `qos`
+arm.cdsl:2:48: error[syntax]: unexpected `.`; expected `(`, `,`, `;`, `concurrent`, `each` or `qos`
     Component arm { Communications { requires Laser. GotoPoint; }; language python; };
                                                    ^""",
     ),

@@ -48,6 +48,7 @@ FIXABLE = {
     "unknown-state",
     "unknown-type",
     UNUSED_IMPORT,
+    "wrong-each",
 }
 """Codes of which some diagnostics say what is right: a name that is close, a word that is missing or too many."""
 

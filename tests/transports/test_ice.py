@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from robocomp_py.testing.conformance import TransportConformance
+from robocomp_py.testing.instances import InstancesConformance
 from robocomp_py.transports.base import Transport
 
 from .icestorm import icestorm, open_ice
@@ -22,4 +23,9 @@ def storm() -> Iterator[str]:
 
 class TestIce(TransportConformance):
     def open_transport(self) -> Transport:
+        return open_ice()
+
+
+class TestNamedInstancesOverIce(InstancesConformance):
+    def open_transport(self, owner: str = "test") -> Transport:
         return open_ice()

@@ -95,6 +95,9 @@ class _Checker:
         if item.concurrent and item.verb.has_proxy:
             message = "only implemented and subscribed interfaces can be concurrent"
             self.report.error("concurrent-proxy", message, item.concurrent_at or item.interface.span, "remove it")
+        if item.each and not item.verb.provides:
+            message = "only implemented and published interfaces have named instances"
+            self.report.error("wrong-each", message, item.each, "remove it")
         if item.marker:
             self._check_marker(item.marker)
 
@@ -146,6 +149,7 @@ class _Checker:
 
     def _check_port_names(self) -> None:
         """`Laser` used twice and `Laser1` would share a name."""
+        self._check_each_alone()
         seen: dict[tuple[bool, str], m.Item] = {}
         uses = [(item.verb, item.interface.text) for item in self.model.ports]
         for item, number in zip(self.model.ports, numbers(uses), strict=True):
@@ -157,13 +161,23 @@ class _Checker:
                 related = ("first here", first.interface.span)
                 self.report.error("same-port-name", message, item.interface.span, "", related)
 
+    def _check_each_alone(self) -> None:
+        """`implements Laser each` and `implements Laser` would share their names."""
+        seen: dict[tuple[Verb, str], m.Item] = {}
+        for item in self.model.ports:
+            first = seen.setdefault((item.verb, item.interface.text), item)
+            if first is not item and (first.each or item.each):
+                message = f"`{item.verb} {item.interface} each` stands for any number of instances"
+                related = ("first here", first.interface.span)
+                self.report.error("same-port-name", message, item.interface.span, "remove one of them", related)
+
     def _check_attributes(self) -> None:
         """`B_c` of `A` and `c` of `A_B` would be one method, `A_B_c`."""
         seen: dict[str, tuple[m.Item, Port, str]] = {}
         uses = [(item.verb, item.interface.text) for item in self.model.ports]
         for item, number in zip(self.model.ports, numbers(uses), strict=True):
             for interface in self.around.interfaces.get(item.interface.text, ())[:1]:
-                port = Port(item.verb, interface, number)
+                port = Port(item.verb, interface, number, each=item.each is not None and item.verb.provides)
                 for name, what in _attributes(port):
                     if name in TAKEN:
                         message = f"{what} would be called `{name}` in Python, as a method that every component has"
@@ -275,6 +289,9 @@ def _instead_of(legacy: m.Clause) -> str:
 
 def _attributes(port: Port) -> Iterator[tuple[str, str]]:
     """The names a port adds to the worker, and what each stands for."""
+    if port.each:
+        yield port.attribute, f"`{port.interface.short} each`"
+        return
     if port.verb.has_proxy:
         yield port.attribute, f"the proxy of `{port.interface.short}`"
         return

@@ -32,6 +32,7 @@ def link(
                 read_qos(item.qos, Report()) if item.qos else DEFAULT_QOS,
                 item.concurrent,
                 _middleware(item),
+                each=item.each is not None,
             )
         )
     seconds = model.period.seconds if model.period else None

@@ -57,6 +57,8 @@ class Item:
     concurrent: bool = False
     qos: tuple[Setting, ...] = ()
     concurrent_at: Span | None = None
+    each: Span | None = None
+    """Set if named instances provide it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,10 @@ class _Builder(Builder):
                 tuple(
                     setting_of(self._source, each) for extra in extras if extra.data == "qos" for each in extra.children
                 ),
-                next((self._span(each) for each in extras if each.data == "concurrent"), None),
+                *(
+                    next((self._span(each) for each in extras if each.data == word), None)
+                    for word in ("concurrent", "each")
+                ),
             )
 
     def _clause(self, tree: Tree[Any]) -> m.Clause:

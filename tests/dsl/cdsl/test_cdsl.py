@@ -49,12 +49,32 @@ def test_an_interface_used_twice_is_numbered_from_its_second_use() -> None:
     assert made.ports[4].handler("pushLaserData") == "LaserPub1_pushLaserData"
 
 
+def test_named_instances_have_an_attribute_and_plain_names_of_methods() -> None:
+    made = arm("implements Laser each, Speech; publishes LaserPub each qos(depth 1);")
+    assert [port.each for port in made.ports] == [True, False, True]
+    assert [port.attribute for port in made.named] == ["laser", "laserpub"]
+    assert made.ports[0].handler("getLaserData") == "getLaserData"
+    assert made.ports[0].handler("caller") == "caller_"
+    assert {port.interface.short for port, _ in made.handlers()} == {"Speech"}
+
+
+@pytest.mark.parametrize("name", ["timers", "import"])
+def test_an_attribute_that_python_or_the_worker_has_gets_an_underscore(name: str) -> None:
+    made = component_of(
+        'import "it.idsl"; Component c { Communications { implements NAME each; }; language python; };'.replace(
+            "NAME", name
+        ),
+        it_idsl=f"module it {{ interface {name} {{ void a(); }}; }};",
+    ).component
+    assert made.ports[0].attribute == f"{name}_"
+
+
 @pytest.mark.parametrize("spelt", [str.upper, str.lower, str.title, str.swapcase])
 def test_keywords_are_written_in_any_case(spelt: type[str]) -> None:
-    words = ("Component", "Communications", "requires", "language", "gui", "options", "period", "import", "qos")
+    words = ("Component", "Communications", "requires", "language", "gui", "options", "period", "import", "qos", "each")
     text = (
         'import "Laser.idsl"; import "LaserPub.idsl"; Component Arm { gui Qt(QWidget); options dsr;'
-        " Communications { requires Laser; publishes LaserPub qos(sensor_data, depth 1); }; language PYTHON;"
+        " Communications { requires Laser; publishes LaserPub each qos(sensor_data, depth 1); }; language PYTHON;"
         " period 5 ms; };"
     )
     for word in words:

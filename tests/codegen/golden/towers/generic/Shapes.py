@@ -1,0 +1,49 @@
+# Generated from Shapes.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: N999, UP040, RUF100
+"""Module Shapes: types, interfaces and proxies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from robocomp_py.runtime.api import (
+    FLOAT32,
+    Field,
+    Interface,
+    Operation,
+    Sequence,
+    Struct,
+)
+
+
+@dataclass(slots=True)
+class Point:
+    """Point of module Shapes."""
+
+    x: float = 0.0  # in m
+    y: float = 0.0  # in m
+
+    __contract__: ClassVar[Struct]
+
+
+Point.__contract__ = Struct(
+    "Shapes::Point",
+    (
+        Field("x", FLOAT32),
+        Field("y", FLOAT32),
+    ),
+    Point,
+)
+
+Points: TypeAlias = list[Point]
+
+_Drawing_draw: Operation[None] = Operation(
+    "Shapes::Drawing",
+    "draw",
+    inputs=(Field("outline", Sequence(Point.__contract__)),),
+)
+DRAWING_INTERFACE = Interface(
+    "Shapes::Drawing",
+    (_Drawing_draw,),
+)
