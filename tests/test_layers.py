@@ -49,6 +49,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"xml", "pyexpat", "msgpack", "argparse"},
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
     "robocomp_py.virtual.simulation": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
+    "robocomp_py.lockstep.lockstep": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic", "robocomp_py.virtual"},
     "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.classic", "lib2to3"},
     "robocomp_py.cli.rc": MIDDLEWARES
     | {

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..contract.component import MAX_SECONDS
 from .common import add_include
 
 if TYPE_CHECKING:
@@ -43,7 +44,25 @@ def add_overrides(to: argparse.ArgumentParser) -> None:
         metavar="INSTANCE.KEY=VALUE",
         help="set a key of an instance's configuration; may be repeated",
     )
+    to.set_defaults(clock=None, clock_speed=None)
     add_include(to)
+
+
+def add_clock(to: argparse.ArgumentParser) -> None:
+    """The options for a network whose processes follow one clock."""
+    to.add_argument(
+        "--clock",
+        metavar="INSTANCE",
+        help="let all instances follow the clock of this one, in lock-step; none: each follows the machine's "
+        "(default: what the network says)",
+    )
+    to.add_argument(
+        "--speed",
+        dest="clock_speed",
+        type=_speed,
+        metavar="FACTOR",
+        help="seconds of that clock in a second; max: as fast as possible (default: 1)",
+    )
 
 
 def overrides_of(options: argparse.Namespace) -> Overrides:
@@ -51,7 +70,8 @@ def overrides_of(options: argparse.Namespace) -> Overrides:
     from ..deploy.plan import Overrides
 
     _check_middleware(options.middleware)
-    return Overrides(options.middleware, tuple(map(_assignment, options.set)))
+    clock = "" if options.clock == "none" else options.clock
+    return Overrides(options.middleware, tuple(map(_assignment, options.set)), clock, options.clock_speed)
 
 
 def override_words(options: argparse.Namespace) -> list[str]:
@@ -81,6 +101,17 @@ def _check_middleware(name: str | None) -> None:
     fault = unfit(carried) if carried else None
     if fault:
         raise ValueError(f"--middleware {name}: {fault}")
+
+
+def _speed(text: str) -> float:
+    """A factor; 0 for `max`."""
+    try:
+        factor = 0.0 if text == "max" else float(text)
+    except ValueError:
+        factor = -1.0
+    if not (text == "max" or 0 < factor <= MAX_SECONDS):
+        raise argparse.ArgumentTypeError(f"`{text}` is not a factor; write it as 10, 0.5 or max")
+    return factor
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from ..dsl.diagnostics import did_you_mean
 from .common import command, parser
 from .deploying import down, export, keys, logs, plan, restart, simulate, status, trust, up
 from .deploying.importing import import_network
-from .network import add_overrides, network
+from .network import add_clock, add_overrides, network
 from .rc import Command
 
 COMMANDS: dict[str, Command] = {
@@ -97,6 +97,7 @@ def _parser() -> Parser:
     )
     made.add_argument("-o", dest="output", type=Path, metavar="NET.ddsl", help="with --import: where (default: stdout)")
     add_overrides(made)
+    add_clock(made)
     return made
 
 

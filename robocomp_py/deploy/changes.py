@@ -40,7 +40,7 @@ def changes(running: Json, wanted: Json, contracts: Contracts | None = None) -> 
     before, after = _by_name(running, "processes"), _by_name(wanted, "processes")
     found = [
         change
-        for key in ("security", "middleware")
+        for key in ("security", "middleware", "clock")
         for change in _differing("", key, running.get(key), wanted.get(key))
     ]
     found += _differing("", "hosts", _hosts(running), _hosts(wanted))

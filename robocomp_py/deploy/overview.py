@@ -62,6 +62,8 @@ def _title(plan: Plan) -> Line:
     escalation = plan.escalations.get((), Escalation.ONE_FOR_ONE)
     if escalation is not Escalation.ONE_FOR_ONE:
         said += f"; escalation {escalation}"
+    if plan.clock:
+        said += f"; clock of {plan.clock}"
     return [(plan.name, "bold"), (f"{said}; security {plan.security}", "")]
 
 

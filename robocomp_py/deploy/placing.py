@@ -8,18 +8,22 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..dsl.ddsl.model import Deployment, Instance
+from ..dsl.ddsl.clocks import check_clock, read_clock
+from ..dsl.ddsl.model import Clock, Deployment, Instance
 from ..dsl.ddsl.model import Host as Block
 from ..dsl.ddsl.restarts import DEFAULTS, read_restart
 from ..dsl.ddsl.scope import HERE, host_of, restart_of
 from ..dsl.diagnostics import Report
 from ..dsl.numbers import whole
-from .plan import Host, Security
+from ..dsl.source import Name, Source
+from ..runtime.effective import toml
+from ..wire.names import whole as whole_name
+from .plan import Host, Overrides, Security
 from .policy import Escalation, Restart, When
 
 
@@ -126,6 +130,46 @@ _CLAUSES: Mapping[str, Callable[[Deployment, Sequence[Instance]], Any]] = {
 
 def security(model: Deployment) -> Security:
     return Security(model.security.text) if model.security else Security.LOCAL
+
+
+def with_clock(model: Deployment, overrides: Overrides, report: Report) -> Deployment:
+    """The same network with the clock and the speed of the command line, which are checked."""
+    clock = model.clock
+    if overrides.clock == "":
+        clock = None
+    elif overrides.clock:
+        source = Source(Path(f"--clock {overrides.clock}"), "", has_places=False)
+        clock = Clock(Name(overrides.clock, source.span(0, 0)), (), source.span(0, 0))
+    if overrides.speed is not None and clock is None:
+        place = Source(Path("--speed"), "", has_places=False).span(0, 0)
+        report.error("bad-clock", "the network has no clock of its own", place, "add --clock INSTANCE")
+    changed = replace(model, clock=clock)
+    if overrides.clock:
+        check_clock(changed, report)
+    return model if report.errors else changed
+
+
+def clock(model: Deployment) -> str:
+    """The instance whose clock all others follow; "" without one."""
+    return model.clock.leader.text if model.clock else ""
+
+
+def clock_of(model: Deployment, instance: Instance, speed: float | None = None) -> Iterator[str]:
+    """What a clock means for an instance, as assignments to its configuration."""
+    if model.clock is None or instance.program:
+        return
+    named = {each.name.text: whole_name(each.local, namespace(model, each)) for each in model.instances}
+    leader = model.clock.leader.text
+    if leader not in named:  # which has been reported
+        return
+    yield f"clock.leader={toml(named[leader])}"
+    if instance.name.text == leader:
+        others = [named[each.name.text] for each in model.instances if not each.program and each is not instance]
+        yield f"clock.followers={toml(others)}"
+        said = read_clock(model.clock, Report())
+        if speed is not None:
+            said["speed"] = speed
+        yield from (f"clock.{name}={toml(value)}" for name, value in said.items())
 
 
 def port(instance: Instance) -> int:

@@ -101,6 +101,8 @@ class Plan:
     """The helpers that its transports need on its hosts."""
     ours: Mapping[str, Ours] = field(default_factory=dict)
     """Of all instances except foreign programs, by name."""
+    clock: str = ""
+    """The instance whose clock all others follow; "" if each has its own."""
 
     @property
     def carriers(self) -> tuple[str, ...]:
@@ -117,10 +119,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Overrides:
-    """The settings of a network on the command line: `--middleware`, and `--set INSTANCE.KEY=VALUE`."""
+    """The settings of a network on the command line: `--middleware`, `--clock`, and `--set INSTANCE.KEY=VALUE`."""
 
     middleware: str | None = None
     settings: tuple[tuple[str, str], ...] = ()
+    clock: str | None = None
+    """The instance that leads the clock; "" for none, None for what the network says."""
+    speed: float | None = None
+    """Of the clock; 0 for as fast as possible."""
 
     def of(self, instance: str) -> list[str]:
         """The assignments for one instance; `*` is for all."""

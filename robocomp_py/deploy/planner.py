@@ -106,6 +106,8 @@ def make_plan(
     if written is None:
         return None
     model = placing.on_this_machine(written, is_here)
+    if overrides and (overrides.clock is not None or overrides.speed is not None):
+        model = placing.with_clock(model, overrides, workspace.report)
     if model is not written and not workspace.report.errors:
         check_ports(model, workspace.report)  # two instances that are on one machine now may have the same port
     with installed.asked_once():
@@ -181,6 +183,7 @@ class _Planner:
             placing.security(self._model),
             (*self._wiring.helpers, *self._placement.helpers),
             {each.name: self._ours(each, folders[each.name]) for each in self._configured},
+            placing.clock(self._model),
         )
 
     def _ours(self, each: Configured, folder: Path) -> Ours:
@@ -452,6 +455,8 @@ class _Planner:
             yield f"middleware={self._overrides.middleware}", f"--middleware {self._overrides.middleware}"
         elif named:
             yield f"middleware={named}", network
+        for assignment in placing.clock_of(self._model, node.instance, self._overrides.speed):
+            yield assignment, network
         if port := placing.port(node.instance):
             yield from ((assignment, network) for assignment in _at_port(port))
         for used, (source, *others) in node.wires.items():

@@ -18,6 +18,7 @@ from ..dsl.cdsl.check import OPTIONS
 from ..dsl.cdsl.model import SECONDS
 from ..dsl.cdsl.qos import KNOWN
 from ..dsl.comments import find_comments
+from ..dsl.ddsl.clocks import CLOCK_SETTINGS
 from ..dsl.ddsl.restarts import DEFAULTS
 from ..dsl.ddsl.scope import meanings
 from ..dsl.idsl.check import BUILTIN
@@ -300,6 +301,10 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     elif words[:1] == ["dependences"] and last in ("dependences", ","):
         own = place.blocks[-1].head[1] if len(place.blocks[-1].head) > 1 else ""
         yield from (each for each in _instances(place, symbols) if each.label != own)
+    elif words == ["clock"]:
+        yield from _instances(place, symbols)
+    elif words[:1] == ["clock"] and _open_call(words):
+        yield from (Candidate(word, "word") for word in CLOCK_SETTINGS if last in ("(", ","))
     elif words == ["host"]:
         yield from (_symbol(each) for each in _of(symbols, Kind.HOST) if place.heads[-1:] != ["deployment"])
     elif words[:1] == ["restart"] and _open_call(words):

@@ -334,6 +334,7 @@ def _of_deployment(model: Deployment) -> Outline:
         (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=children),),
         (
             *(use for each in model.instances for use in _uses_of_instance(each, within)),
+            *(_uses_of_whole(model.clock.leader, within) if model.clock else ()),
             *(Use(name, (Kind.HOST,), within) for name in named if name),
         ),
         (

@@ -23,6 +23,7 @@ from .commonbehavior import CommonBehavior, port_of
 from .introspection import Bound
 
 if TYPE_CHECKING:
+    from ..lockstep.counts import Counts
     from .instances import Entry, NamedInstances
     from .monitor import Monitor
     from .settings import Settings, Way
@@ -57,10 +58,11 @@ class Connections:
         monitor: Monitor,
         watching: Watching,
         tally: Tally,
+        counts: Counts | None = None,
     ) -> None:
         """`wanted` returns False when opening a transport, which may take a while, should be given up."""
         self._worker, self._settings, self._component = worker, settings, worker.component
-        self._monitor, self._watching, self._tally = monitor, watching, tally
+        self._monitor, self._watching, self._tally, self._counts = monitor, watching, tally, counts
         self._transports = _Transports(settings, find, wanted)
         self._links: list[Link] = []
         """Links of handlers."""
@@ -135,17 +137,40 @@ class Connections:
         with self._changing, self._transports.gathering():
             if isinstance(entry.given, ports.Proxy):
                 ports.bind_proxy(port, route, self._monitor, watches, links, entry.given)
+                if self._counts:
+                    entry.counters = self._counts.proxy(port, entry.given, routes)
             else:
-                ports.bind_handlers(port, entry.handlers(port), route, self._monitor, watches, links=links)
+                handlers = entry.handlers(port)
+                counted = self._counts.handlers(port, handlers) if self._counts else None
+                ports.bind_handlers(port, counted or handlers, route, self._monitor, watches, links=links)
+                if counted:
+                    entry.counters = counted.routes(routes)
             entry.bound = Bound(port, routes, tuple(links), entry.name)
             self.bound = [*self.bound, entry.bound]
 
     def unbind(self, entry: Entry[Any]) -> None:
         with self._changing:
             self.bound = [each for each in self.bound if each is not entry.bound]
+        if self._counts:
+            self._counts.drop(entry.counters)
         for watched in entry.watched:
             self._watching.leave(watched)
         ports.close_all(entry.links)
+
+    def serve(self, port: Port, handlers: object) -> None:
+        """Serve an interface that is not one of the component's own. Its handlers run outside of the monitor."""
+        self._links += ports.bind_handlers(port, handlers, self._route, self._monitor, outside=True)
+
+    def reach(self, port: Port, instance: str) -> Any:
+        """A proxy for a required interface that is not one of the component's own, at `/namespace/instance`."""
+        where = names.resolve(f"{instance}/{port.interface.short}", self._settings.namespace, "")
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            return replace(self._route(port, operation), channel=names.channel(*where, operation.name))
+
+        proxy, links = ports.bind_proxy(port, route, self._monitor)
+        self._proxied += links
+        return proxy
 
     def close_links(self) -> None:
         for instances in self._instances:
@@ -197,7 +222,13 @@ class Connections:
         if port.verb.has_proxy:
             proxy, links = ports.bind_proxy(port, route, self._monitor, self._watching)
             self._tally.watch(port, proxy)
+            if self._counts:
+                self._counts.proxy(port, proxy, routes)
             setattr(self._worker, port.attribute, proxy)
+        elif self._counts:
+            handlers = self._counts.handlers(port, self._worker)
+            links = ports.bind_handlers(port, handlers, route, self._monitor, self._watching)
+            handlers.routes(routes)
         else:
             links = ports.bind_handlers(port, self._worker, route, self._monitor, self._watching)
         self.bound.append(Bound(port, routes, links))

@@ -12,7 +12,7 @@ import functools
 import logging
 import threading
 from abc import ABC
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -57,6 +57,8 @@ class Entry(Generic[T]):
     links: list[Link] = field(default_factory=list)
     watched: list[Watched] = field(default_factory=list)
     bound: Bound | None = None
+    counters: Sequence[int] = ()
+    """The numbers of its counters, if the component follows a clock in lock-step."""
     is_gone: bool = False
 
     def handlers(self, port: Port) -> object:

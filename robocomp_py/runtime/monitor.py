@@ -179,6 +179,12 @@ class Monitor:
         return self._closed
 
     @property
+    def is_idle(self) -> bool:
+        """Whether no thread is inside or queued, and no job."""
+        with self._state:
+            return self._inside is None and not self._queue
+
+    @property
     def is_inside(self) -> bool:
         """Whether the calling thread is inside."""
         return self._inside == threading.get_ident()

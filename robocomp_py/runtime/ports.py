@@ -205,11 +205,13 @@ def bind_handlers(
     watching: Watches | None = None,
     *,
     lazy: bool = False,
+    outside: bool = False,
     links: list[Link] | None = None,
 ) -> list[Link]:
-    """Connect a port whose messages call a worker; return the links. If `lazy`, codecs are compiled at first use.
+    """Connect a port whose messages call a worker; return the links. About `links` see `bind_proxy`.
 
-    About `links` see `bind_proxy`.
+    If `lazy`, codecs are compiled at first use. If `outside`, handlers are not part of the component: they run at once,
+    on the thread that receives, and call `about_to_block` before they wait.
     """
     links = [] if links is None else links
     claimed: set[str] = set()
@@ -223,7 +225,7 @@ def bind_handlers(
             answering = Handler(operation, route.transport.codec, method)
             if not lazy:
                 answering.compile()
-            handling = BoundHandler(answering, monitor, port.concurrent, turn)
+            handling = BoundHandler(answering, monitor, port.concurrent, turn, outside)
             if pattern is not Pattern.PUBLISH:  # the claim of an interface's first operation covers the others
                 channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
@@ -356,9 +358,14 @@ class BoundHandler:
     """A handler that a transport calls. `turn` serializes messages of one subscription that come over several."""
 
     def __init__(
-        self, answering: Handler, monitor: Monitor, concurrent: bool, turn: threading.Lock | None = None
+        self,
+        answering: Handler,
+        monitor: Monitor,
+        concurrent: bool,
+        turn: threading.Lock | None = None,
+        outside: bool = False,
     ) -> None:
-        self._answering, self._monitor, self._concurrent = answering, monitor, concurrent
+        self._answering, self._monitor, self._concurrent, self._outside = answering, monitor, concurrent, outside
         self._turn = turn
         self._stats = Statistics()
 
@@ -373,6 +380,8 @@ class BoundHandler:
         except DecodeError as exc:
             self._count_malformed(exc)
             return self._answering.failed(exc)
+        if self._outside:
+            return self._answering.answer(arguments)
         begun = time.monotonic()
         if not self._concurrent and self._monitor.try_enter():
             try:

@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.parameters import build
@@ -40,6 +40,9 @@ from .watch import Lost, Missed
 from .watchdog import Watchdog
 from .watching import Watching
 from .worker import Worker, check_methods
+
+if TYPE_CHECKING:
+    from ..lockstep.lockstep import Lockstep
 
 log = logging.getLogger("robocomp.worker")
 
@@ -76,11 +79,13 @@ class Running:
         self._tell = tell
         self.component = worker_class.component
         self.settings = settings
-        self.clock = clock or Real()
+        self._lockstep = None if clock or not settings.clock else self._in_lockstep(settings)
+        self.clock = clock or (self._lockstep.clock if self._lockstep else Real())
         self.ready = threading.Event()
         self.state = State.STARTING
         self._wake = threading.Event()
         self._changing = threading.Lock()
+        threads = self._lockstep.threads if self._lockstep else threads
         self.monitor = Monitor(f"worker-{settings.instance}", threads)
         self._watching = Watching(settings.instance, self._call_qos_hook, self.clock)
         self._compute = Timer("compute", Beat(settings.period, self.clock.now()), self._wake.set)
@@ -101,7 +106,14 @@ class Running:
         self.worker = self._build(worker_class, seed)
         self._tally = Tally(settings.namespace, settings.instance)
         self._connections = Connections(
-            self.worker, settings, find, lambda: not self.is_over, self.monitor, self._watching, self._tally
+            self.worker,
+            settings,
+            find,
+            lambda: not self.is_over,
+            self.monitor,
+            self._watching,
+            self._tally,
+            self._lockstep.counts if self._lockstep else None,
         )
 
     def run(self) -> bool:
@@ -125,6 +137,8 @@ class Running:
         machine, params = vars(self.worker).get("statemachine"), self.settings.params
         try:
             self._connections.open(CommonBehavior(self.worker, params, self.monitor.held, self._status, machine))
+            if self._lockstep:
+                self._lockstep.open(self._connections)
         except (RobocompError, OSError) as exc:
             self._fail_by(exc)
         return not self.is_over
@@ -242,6 +256,12 @@ class Running:
 
     # Starting and ending.
 
+    def _in_lockstep(self, settings: Settings) -> Lockstep:
+        from ..lockstep.lockstep import Lockstep  # few components need it
+
+        is_ending = (State.FINISH, State.ENDED)
+        return Lockstep(settings, lambda: self.monitor.is_idle, lambda: self.state in is_ending, self._fail)
+
     def _build(self, worker_class: type[Worker[Any]], seed: int | None) -> Worker[Any]:
         worker = worker_class.__new__(worker_class)
         spec = self.component.params
@@ -304,6 +324,8 @@ class Running:
         self._is_closed = True
         self._tell("STOPPING=1")
         self.monitor.turn_away()
+        if self._lockstep:
+            self._lockstep.close()
         self._watching.end()
         self._tally.write(self._connections.bound)
         self._connections.close_links()
@@ -365,6 +387,10 @@ class Running:
         if self.state is not State.COMPUTE:
             return
         self.monitor.open()
+        if self._lockstep:
+            self._lockstep.begin()
+            self._tell_ready()  # before the clock moves: it waits until all components of the network have started
+            self._lockstep.wait()
         if not self._is_driven:
             self._watching.begin()
         self._compute._beat = self.worker._beats(self.clock.now())
@@ -372,8 +398,12 @@ class Running:
         if self._agenda:  # from now on, `after` does so
             self._begin_timers(self._agenda)
         self._connections.tell_missing()
+        if not self._lockstep:
+            self._tell_ready()  # last: the launcher then starts components that depend on this one
+
+    def _tell_ready(self) -> None:
         log.info("ready")
-        self._tell("READY=1")  # last: the launcher then starts components that depend on this one
+        self._tell("READY=1")
 
     def _move_or_compute(self) -> bool:
         """Take one of the transitions fired until now, and when all are taken, compute if that is due.

@@ -9,6 +9,11 @@
     watchdog = 30.0                  longest call of its code in seconds, before its launcher ends it; 0: no limit
     [timers]
     poll = 0.02                      seconds from one call to the next of a timer that its CDSL declares
+    [clock]
+    leader = "world"                 the instance whose clock it follows in lock-step; its own name for the leader
+    followers = ["camera", "wander"] for the leader: the instances for which it waits
+    speed = 1.0                      for the leader: seconds of this clock in one second; 0: as fast as possible
+    lost = "keep"                    for the leader: whether to `keep` on or `stop` when a follower is gone
     [params]                         the parameters that its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
     from = "world"                   the instance to use; also `world/Laser1` and `/robot2/world/Laser`
@@ -68,7 +73,7 @@ PREFIX = "ROBOCOMP__"
 VARIABLE = "environment variable "
 """Stands before the name of such a variable where it is named as the origin of a value."""
 
-KEYS = ("namespace", "middleware", "component", "timers", "params", "ports", "offers", "transports")
+KEYS = ("namespace", "middleware", "component", "timers", "clock", "params", "ports", "offers", "transports")
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,17 @@ class PortSettings:
 
 
 @dataclass(frozen=True)
+class ClockSettings:
+    """How a component follows the clock of another one, or leads."""
+
+    leader: str
+    followers: tuple[str, ...] = ()
+    speed: float = 1.0
+    """Of the clock's seconds in one second; 0 for as fast as possible."""
+    lost: str = "keep"
+
+
+@dataclass(frozen=True)
 class Settings:
     """A checked configuration."""
 
@@ -115,6 +131,8 @@ class Settings:
     """Seconds; 0 for no limit, None for the launcher's choice."""
     timers: Mapping[str, float] = field(default_factory=dict)
     """Periods in seconds, of the timers that the component declares."""
+    clock: ClockSettings | None = None
+    """None for the machine's clock."""
     params: Mapping[str, Any] = field(default_factory=dict)
     ports: Mapping[tuple[str, ...], PortSettings] = field(default_factory=dict)
     """Keys are (port,) and (port, operation)."""
@@ -397,6 +415,7 @@ class _Checker:
             startup_timeout=self._seconds(own, "startup_timeout", ("component",)) or STARTUP_TIMEOUT,
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
             timers=self._timers(self._table(data, "timers", ())),
+            clock=self._clock(self._table(data, "clock", ())) if "clock" in data else None,
             params=params,
             ports=self._ports(self._table(data, "ports", ()), {port.name: port for port in self._component.ports}),
             offers=self._offers(self._table(data, "offers", ())) if "offers" in data else None,
@@ -419,6 +438,27 @@ class _Checker:
             if name not in declared:
                 self._complain("config-unknown-key", ("timers", name), unknown("timer", name, declared))
         return {name: self._seconds(data, name, ("timers",)) or period for name, period in declared.items()}
+
+    def _clock(self, data: Mapping[str, Any]) -> ClockSettings | None:
+        at = ("clock",)
+        self._known(data, at, _CLOCK_KEYS)
+        followers = data.get("followers", [])
+        if not isinstance(followers, list) or not all(isinstance(each, str) for each in followers):
+            message = f'`followers` must be a list of instances, as in ["camera"], not {followers!r}'
+            self._complain("config-wrong-type", (*at, "followers"), message)
+            followers = []
+        every = [(self._text(data, "leader", at), "leader"), *((each, "followers") for each in followers)]
+        for name, key in every:
+            if name and not names.is_namespace(name):
+                message = f"{name!r} names no instance; write `instance` or `/namespace/instance`"
+                self._complain("config-bad-name", (*at, key), message)
+        speed = 0.0 if data.get("speed") == 0 else self._seconds(data, "speed", at) or ClockSettings.speed
+        lost = self._choice(data, "lost", at, ("keep", "stop")) or ClockSettings.lost
+        leader = every[0][0]
+        if not leader:
+            self._complain("config-missing", at, "`clock` lacks its `leader`, the instance whose clock is followed")
+            return None
+        return ClockSettings(leader, tuple(followers), speed, lost)
 
     def _ports(
         self, data: Mapping[str, Any], known: Mapping[str, Port], at: Key = ("ports",)
@@ -549,6 +589,7 @@ class _Checker:
 
 
 _COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog")
+_CLOCK_KEYS = ("leader", "followers", "speed", "lost")
 _OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
 """Keys of earlier versions, which are still accepted with a warning."""
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
@@ -602,6 +643,7 @@ def _keys_of(component: Component) -> _Keys:
         **_words(KEYS),
         "component": _words(_COMPONENT_KEYS),
         "timers": _words(each.name for each in component.timers),
+        "clock": _words(_CLOCK_KEYS),
         "params": _keys_of_params(component.params) if component.params else {},
         "ports": ports,
         "offers": {},

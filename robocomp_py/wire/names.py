@@ -39,6 +39,11 @@ def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]
     return namespace, parts[0], parts[1] if len(parts) == 2 else interface
 
 
+def whole(instance: str, namespace: str) -> str:
+    """The name of an instance from the root, as `/robot1/world`. One that begins with a slash is that already."""
+    return instance if instance.startswith("/") else "/" + "/".join(filter(None, (namespace.strip("/"), instance)))
+
+
 def target(namespace: str, instance: str, segment: str, own: str, interface: str) -> str:
     """A `from` that means `segment` of an instance, for a client of `interface` in the namespace `own`."""
     if namespace.strip("/") == own.strip("/"):

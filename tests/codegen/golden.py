@@ -8,13 +8,19 @@ from pathlib import Path
 
 import robocomp_py
 from robocomp_py.codegen.generate import generate_module
+from robocomp_py.contract.component import Port
+from robocomp_py.contract.interface import Interface, Verb
 from robocomp_py.dsl.workspace import SHIPPED, Workspace
 
 from .generated import NAMES, artifacts
 
 GOLDEN = Path(__file__).parent / "golden"
-COMMON_BEHAVIOR = Path(robocomp_py.__file__).parent / "runtime" / "RoboCompCommonBehavior.py"
-"""The one generated file that is part of the run time."""
+PACKAGE = Path(robocomp_py.__file__).parent
+OWN = {
+    SHIPPED / "CommonBehavior.idsl": PACKAGE / "runtime" / "RoboCompCommonBehavior.py",
+    PACKAGE / "lockstep" / "Lockstep.idsl": PACKAGE / "lockstep" / "RoboCompLockstep.py",
+}
+"""The generated files that are part of the run time, by their sources."""
 
 
 def expected() -> Iterator[tuple[Path, str]]:
@@ -22,9 +28,12 @@ def expected() -> Iterator[tuple[Path, str]]:
     for name in NAMES:
         for artifact in artifacts(name):
             yield GOLDEN / name / artifact.path, artifact.text
-    module = Workspace().interfaces(SHIPPED / "CommonBehavior.idsl")
-    assert module is not None
-    yield COMMON_BEHAVIOR, generate_module(module)
+    for source, path in OWN.items():
+        module = Workspace().interfaces(source)
+        assert module is not None
+        interfaces = [each for each in module.definitions if isinstance(each, Interface)]
+        required = () if source.is_relative_to(SHIPPED) else [Port(Verb.REQUIRES, each) for each in interfaces]
+        yield path, generate_module(module, required)
 
 
 def main() -> None:

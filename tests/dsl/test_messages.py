@@ -518,8 +518,8 @@ net.ddsl:1:34: error[not-a-program]: `arm` is a generated component, which repor
         "net.ddsl",
         'Deployment net { Host onboard { address "10.0.0.1"; }; };',
         """\
-net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`, `escalation`, `host`, `middleware`, \
-`namespace`, `restart`, `security` or …
+net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`, `clock`, `escalation`, `host`, \
+`middleware`, `namespace`, `restart` or …
     Deployment net { Host onboard { address "10.0.0.1"; }; };
                      ^^^^
     did you mean `host`?""",

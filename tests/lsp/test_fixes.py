@@ -18,6 +18,7 @@ from .examples import write_examples
 
 FIXABLE = {
     "ambiguous-provider",
+    "bad-clock",
     "bad-default",
     "bad-period",
     "bad-qos",

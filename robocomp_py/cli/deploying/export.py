@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from ..common import FINE, complain
-from ..network import add_network
+from ..network import add_clock, add_network
 from .guarding import add_guards, guarded
 from .planning import planned
 
@@ -30,6 +30,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("engine", choices=("systemd", "compose", "kubernetes"), metavar="ENGINE",
                     help="systemd, compose or kubernetes")  # fmt: skip
     add_network(to)
+    add_clock(to)
     add_guards(to)
     to.add_argument("-o", dest="output", type=Path, required=True, metavar="DIR", help="the folder to write into")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
-from ..network import add_network
+from ..network import add_clock, add_network
 from .connected import show
 from .guarding import add_keys, with_keys
 from .planning import planned
@@ -36,6 +36,7 @@ Exit status: 0 fine, 1 the network is wrong, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Check a network and show what would run. Nothing is started.", _EXAMPLES
     add_network(to)
+    add_clock(to)
     add_keys(to)
     to.add_argument("--json", action="store_true", help="for machines")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, USAGE, complain, signalled
-from ..network import add_network
+from ..network import add_clock, add_network
 from .guarding import add_guards, guarded
 from .planning import planned
 
@@ -29,6 +29,7 @@ examples:
   rcdeploy up net.ddsl --for 30                     ... for half a minute
   rcdeploy up net.ddsl --until mission              ... until that instance ends
   rcdeploy up net.ddsl --middleware zeromq          ... over that middleware and no other
+  rcdeploy up net.ddsl --clock world --speed max    ... all follow the clock of world, as fast as they can
   rcdeploy up net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
 
 exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot be reached,
@@ -39,6 +40,7 @@ exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Check a network, start it in order, watch it, and stop it.", _EXAMPLES
     add_network(to)
+    add_clock(to)
     add_options(to)
 
 

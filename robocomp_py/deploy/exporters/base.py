@@ -224,6 +224,8 @@ def told_once(notes: Iterable[str]) -> tuple[str, ...]:
 
 def of_containers(plan: Plan, engine: str) -> Iterator[str]:
     """What every engine of containers ignores, and what its images need besides the copied files."""
+    if plan.clock:
+        raise DeploymentError(f"{engine} gives each process a host of its own, but one clock is followed on one host")
     yield from escalating(plan, engine)
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
         yield f"{engine} does not detect a component that hangs; rcdeploy would restart it"

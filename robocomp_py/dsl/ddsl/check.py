@@ -11,6 +11,7 @@ from ..cdsl.qos import read_qos
 from ..diagnostics import Report, did_you_mean
 from ..source import Name
 from . import model as m
+from .clocks import check_clock
 from .hosts import check_hosts
 from .order import process_dependences, processes_of, start_order
 from .programs import check_notifies, check_program
@@ -29,6 +30,7 @@ def check(model: m.Deployment, report: Report) -> None:
     check_hosts(model, report)
     check_restarts(model, report)
     _check_named(model, report)
+    check_clock(model, report)
     _check_dependences(model, report)
     _check_processes(model, report)
     for instance in model.instances:

@@ -74,6 +74,16 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True)
+class Clock:
+    """`clock world(speed 10);`: the instance whose clock all others follow, in lock-step."""
+
+    leader: Name
+    """Its whole name."""
+    settings: tuple[Setting, ...]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
 class System:
     """`System left { … };`: instances under a prefix, with clauses for all of them."""
 
@@ -160,6 +170,7 @@ class Deployment:
     """The default for instances without a `restart` of their own."""
     escalation: Name | None = None
     security: Name | None = None
+    clock: Clock | None = None
     clauses: tuple[Clause, ...] = ()
     """All but hosts, systems and instances, in order."""
     skipped: frozenset[str] = frozenset()

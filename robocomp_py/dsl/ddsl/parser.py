@@ -21,7 +21,7 @@ _HINTS = {
     r"\b(?-i:host)\s+\w+\s*;?\s*\{": _DESCRIBE,
     r"\bhost\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
     r"\bescalation\b": "write it for the network or for a `System`",
-    r"\b(?:security|namespace)\b": "write it once, for the whole network",
+    r"\b(?:security|namespace|clock)\b": "write it once, for the whole network",
     r"\bmiddleware\b": "write it for the network or for a component",
     r"\bgrace\b|\b(?-i:notifies)\s*;": "write it in the block of each component",
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
@@ -64,6 +64,9 @@ class _Builder(Builder):
         )
         for clause in clauses:
             model = replace(model, **self._said(clause))
+        if model.clock:
+            leader = self._meant(model.clock.leader, ())
+            model = replace(model, clock=replace(model.clock, leader=leader))
         return model
 
     def _read_blocks(self, trees: list[Tree[Any]], system: tuple[str, ...]) -> None:
@@ -130,6 +133,8 @@ class _Builder(Builder):
                 return {"namespace": "/".join(name.text for name in names)}
             case "restart":
                 return {"restart": m.Restart(names[0], self._settings(clause), self._span(clause))}
+            case "clock":
+                return {"clock": m.Clock(names[0], self._settings(clause), self._span(clause))}
             case "grace":
                 return {"grace": amount_of(self._source, clause.children[0])}
             case "notifies":
@@ -139,10 +144,9 @@ class _Builder(Builder):
 
     def _resolved(self) -> tuple[m.Instance, ...]:
         """The instances, with references replaced by full names. An unknown name stays as it is written."""
-        known = {each.name.text for each in self._instances}
 
         def meant(name: Name, instance: m.Instance) -> Name:
-            return Name(next(iter(meanings(name.text, instance.system, known)), name.text), name.span)
+            return self._meant(name, instance.system)
 
         return tuple(
             replace(
@@ -152,6 +156,11 @@ class _Builder(Builder):
             )
             for instance in self._instances
         )
+
+    def _meant(self, name: Name, system: tuple[str, ...]) -> Name:
+        """The full name that a name stands for in a system."""
+        known = {each.name.text for each in self._instances}
+        return Name(next(iter(meanings(name.text, system, known)), name.text), name.span)
 
     def _within(self, name: Name, system: tuple[str, ...]) -> Name:
         return Name(whole(system, name.text), name.span)

@@ -171,6 +171,12 @@ SEEDS = [
         {"port 10004;": "port 10004; restart always(«intensty» 5);"},
     ),
     Seed(
+        "a setting of a clock misspelt",
+        "bad-clock",
+        _FILE,
+        {"namespace robot1;": "namespace robot1;\n    clock front(«sped» 10);"},
+    ),
+    Seed(
         "a command for a shell",
         "bad-command",
         _FILE,

@@ -1,0 +1,75 @@
+"""`clock world(speed 10, lost stop);`: the clock that all instances of a network follow."""
+
+from __future__ import annotations
+
+from ...contract.component import MAX_SECONDS
+from ..cdsl.model import Setting
+from ..diagnostics import Report, did_you_mean
+from . import model as m
+from .restarts import value_of
+from .scope import HERE, host_of
+
+CLOCK_SETTINGS = ("speed", "lost")
+
+AS_FAST_AS_POSSIBLE = "max"
+"""The word for a speed without limit."""
+
+_LOST = ("keep", "stop")
+
+
+def check_clock(model: m.Deployment, report: Report) -> None:
+    clock = model.clock
+    if clock is None:
+        return
+    known = {instance.name.text: instance for instance in model.instances}
+    leader = known.get(clock.leader.text)
+    if leader is None and not model.skipped.intersection(clock.leader.text.split("/")):
+        hint = did_you_mean(clock.leader.text, known)
+        report.error("unknown-instance", f"unknown instance `{clock.leader}`", clock.leader.span, hint)
+    elif leader and leader.program:
+        message = f"`{clock.leader}` is a program of your own, which has no clock that others could follow"
+        place = ("it is this one", leader.program.span)
+        report.error("bad-clock", message, clock.leader.span, "name a generated component", place)
+    for instance in model.instances:
+        where = host_of(model, instance)
+        if where and where.text not in HERE:
+            message = f"`{instance.name}` runs on another host, and one clock is followed on one host only"
+            report.error("bad-clock", message, clock.span, "remove this, or the host", ("here", where.span))
+            break
+    read_clock(clock, report)
+
+
+def read_clock(clock: m.Clock, report: Report) -> dict[str, float | str]:
+    """The settings of the clock, by name: `speed`, where 0 means as fast as possible, and `lost`."""
+    read: dict[str, float | str] = {}
+    for each in clock.settings:
+        name = each.name.text
+        value = _speed(each) if name == "speed" else _lost(each) if name == "lost" else None
+        if name not in _SAID:
+            hint = did_you_mean(name, _SAID) or f"there are {' and '.join(CLOCK_SETTINGS)}"
+            report.error("bad-clock", f"`{name}` is not a setting of `clock`", each.name.span, hint)
+        elif name in read:
+            report.error("bad-clock", f"`{name}` is given twice", each.span)
+        elif value is None:
+            report.error("bad-clock", f"`{name}` is {_SAID[name]}", each.span, f"as in: {name} {_EXAMPLES[name]}")
+        else:
+            read[name] = value
+    return read
+
+
+def _speed(setting: Setting) -> float | None:
+    if setting.word:
+        return 0.0 if setting.word.text == AS_FAST_AS_POSSIBLE else None
+    number = value_of(setting, timed=False)
+    return number if number is not None and 0 < number <= MAX_SECONDS else None
+
+
+def _lost(setting: Setting) -> str | None:
+    return setting.word.text if setting.word and setting.word.text in _LOST else None
+
+
+_EXAMPLES = {"speed": "10", "lost": "stop"}
+_SAID = {
+    "speed": "the clock's seconds in a second: a number above 0, or `max` for as fast as possible",
+    "lost": "what happens when a follower is gone: `keep` on, or `stop`",
+}

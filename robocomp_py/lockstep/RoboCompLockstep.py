@@ -1,0 +1,273 @@
+# Generated from Lockstep.idsl by rcgen 0.1.0: edits are lost.
+# ruff: noqa: N999, UP040, RUF100
+"""Module RoboCompLockstep: types, interfaces and proxies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from robocomp_py.runtime.api import (
+    BOOL,
+    INT32,
+    INT64,
+    STRING,
+    Enumeration,
+    Field,
+    Future,
+    Interface,
+    Operation,
+    Proxy,
+    Sequence,
+    Struct,
+)
+
+
+class Way(IntEnum):
+    """Way of module RoboCompLockstep."""
+
+    Publishes = 0
+    Hears = 1
+    Sends = 2
+    Takes = 3
+    Calls = 4
+    Serves = 5
+
+    __contract__: ClassVar[Enumeration]
+
+
+Way.__contract__ = Enumeration(
+    "RoboCompLockstep::Way",
+    (
+        ("Publishes", 0),
+        ("Hears", 1),
+        ("Sends", 2),
+        ("Takes", 3),
+        ("Calls", 4),
+        ("Serves", 5),
+    ),
+    Way,
+)
+
+ChannelList: TypeAlias = list[str]
+
+
+@dataclass(slots=True)
+class Counter:
+    """Something that a component counts."""
+
+    way: Way = Way.Publishes
+    # one, unless a subscription hears several publishers
+    channels: ChannelList = field(default_factory=list)
+
+    __contract__: ClassVar[Struct]
+
+
+Counter.__contract__ = Struct(
+    "RoboCompLockstep::Counter",
+    (
+        Field("way", Way.__contract__),
+        Field("channels", Sequence(STRING)),
+    ),
+    Counter,
+)
+
+CounterList: TypeAlias = list[Counter]
+
+NumberList: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class Report:
+    """How a component is at an instant."""
+
+    due: int = 0  # when it has something to do next
+    settled: bool = False  # whether all its threads wait
+    version: int = 0  # increases when its counters are others
+    # of messages so far, or of calls in progress, in the order of its counters
+    numbers: NumberList = field(default_factory=lambda: np.empty(0, np.int64))
+
+    __contract__: ClassVar[Struct]
+
+
+Report.__contract__ = Struct(
+    "RoboCompLockstep::Report",
+    (
+        Field("due", INT64),
+        Field("settled", BOOL),
+        Field("version", INT32),
+        Field("numbers", Sequence(INT64)),
+    ),
+    Report,
+)
+
+_LockstepLeader_join: Operation[None] = Operation(
+    "RoboCompLockstep::LockstepLeader",
+    "join",
+    inputs=(
+        Field("instance", STRING),
+        Field("now", INT64),
+    ),
+)
+_LockstepLeader_hasJoined: Operation[bool] = Operation(
+    "RoboCompLockstep::LockstepLeader",
+    "hasJoined",
+    inputs=(Field("instance", STRING),),
+    outputs=(Field("ret", BOOL),),
+    idempotent=True,
+)
+_LockstepLeader_leave: Operation[None] = Operation(
+    "RoboCompLockstep::LockstepLeader",
+    "leave",
+    inputs=(Field("instance", STRING),),
+)
+LOCKSTEPLEADER_INTERFACE = Interface(
+    "RoboCompLockstep::LockstepLeader",
+    (
+        _LockstepLeader_join,
+        _LockstepLeader_hasJoined,
+        _LockstepLeader_leave,
+    ),
+)
+
+_LockstepFollower_step: Operation[Report] = Operation(
+    "RoboCompLockstep::LockstepFollower",
+    "step",
+    inputs=(Field("now", INT64),),
+    outputs=(Field("ret", Report.__contract__),),
+    idempotent=True,
+)
+_LockstepFollower_look: Operation[Report] = Operation(
+    "RoboCompLockstep::LockstepFollower",
+    "look",
+    inputs=(Field("last", Report.__contract__),),
+    outputs=(Field("ret", Report.__contract__),),
+    idempotent=True,
+)
+_LockstepFollower_counters: Operation[CounterList] = Operation(
+    "RoboCompLockstep::LockstepFollower",
+    "counters",
+    outputs=(Field("ret", Sequence(Counter.__contract__)),),
+    idempotent=True,
+)
+LOCKSTEPFOLLOWER_INTERFACE = Interface(
+    "RoboCompLockstep::LockstepFollower",
+    (
+        _LockstepFollower_step,
+        _LockstepFollower_look,
+        _LockstepFollower_counters,
+    ),
+)
+
+
+class LockstepLeaderProxy(Proxy):
+    """Calls LockstepLeader of another component.
+
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
+    """
+
+    interface = LOCKSTEPLEADER_INTERFACE
+
+    def join(self, instance: str, now: int, *, deadline: float | None = None) -> None:
+        """Take part from the next instant on. `now` is the time that its clock shows.
+
+        IDSL: void join(string instance, int64 now)
+        """
+        return self._ask(_LockstepLeader_join, (instance, now), deadline)
+
+    def joinAsync(
+        self,
+        instance: str,
+        now: int,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """Call `join` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepLeader_join, (instance, now), deadline)
+
+    def hasJoined(self, instance: str, *, deadline: float | None = None) -> bool:
+        """Whether this instance takes part.
+
+        IDSL: idempotent bool hasJoined(string instance)
+        """
+        return self._ask(_LockstepLeader_hasJoined, (instance,), deadline)
+
+    def hasJoinedAsync(
+        self,
+        instance: str,
+        *,
+        deadline: float | None = None,
+    ) -> Future[bool]:
+        """Call `hasJoined` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepLeader_hasJoined, (instance,), deadline)
+
+    def leave(self, instance: str, *, deadline: float | None = None) -> None:
+        """Take part no longer.
+
+        IDSL: void leave(string instance)
+        """
+        return self._ask(_LockstepLeader_leave, (instance,), deadline)
+
+    def leaveAsync(
+        self,
+        instance: str,
+        *,
+        deadline: float | None = None,
+    ) -> Future[None]:
+        """Call `leave` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepLeader_leave, (instance,), deadline)
+
+
+class LockstepFollowerProxy(Proxy):
+    """Calls LockstepFollower of another component.
+
+    Deadlines are in seconds. A call raises the exceptions that the operation declares,
+    RemoteFailure for any other exception of the server, and TransportErrors:
+    Unreachable, Timeout, Busy, ContractMismatch, Refused, Closed.
+    """
+
+    interface = LOCKSTEPFOLLOWER_INTERFACE
+
+    def step(self, now: int, *, deadline: float | None = None) -> Report:
+        """Do all that is due until this instant. It may come back before that is done.
+
+        IDSL: idempotent Report step(int64 now)
+        """
+        return self._ask(_LockstepFollower_step, (now,), deadline)
+
+    def stepAsync(self, now: int, *, deadline: float | None = None) -> Future[Report]:
+        """Call `step` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepFollower_step, (now,), deadline)
+
+    def look(self, last: Report, *, deadline: float | None = None) -> Report:
+        """Wait until its report differs from the last one, but not long.
+
+        IDSL: idempotent Report look(Report last)
+        """
+        return self._ask(_LockstepFollower_look, (last,), deadline)
+
+    def lookAsync(
+        self,
+        last: Report,
+        *,
+        deadline: float | None = None,
+    ) -> Future[Report]:
+        """Call `look` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepFollower_look, (last,), deadline)
+
+    def counters(self, *, deadline: float | None = None) -> CounterList:
+        """What the numbers of its reports count. Those without channels are no longer
+        used.
+
+        IDSL: idempotent CounterList counters()
+        """
+        return self._ask(_LockstepFollower_counters, (), deadline)
+
+    def countersAsync(self, *, deadline: float | None = None) -> Future[CounterList]:
+        """Call `counters` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepFollower_counters, (), deadline)

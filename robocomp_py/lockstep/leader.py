@@ -1,0 +1,309 @@
+"""Moves the clocks of a network from one instant to the next, once all its components are done with the present one."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
+
+from ..contract.component import Port
+from ..contract.interface import Verb
+from ..errors import Closed, ComponentError, RobocompError, Timeout
+from ..runtime.clock import NEVER, SECOND
+from ..threads import NO_THREAD, start_thread
+from ..wire import names
+from .balance import Balance, State
+from .member import Member
+from .RoboCompLockstep import (
+    LOCKSTEPFOLLOWER_INTERFACE,
+    LOCKSTEPLEADER_INTERFACE,
+    Counter,
+    LockstepFollowerProxy,
+)
+
+if TYPE_CHECKING:
+    from ..runtime.connections import Connections
+    from ..runtime.settings import Settings
+
+log = logging.getLogger("robocomp.clock")
+
+_DEADLINE = 2.0
+"""Longest duration of one question in seconds."""
+
+_SILENT = 3
+"""Number of questions in a row that a follower may leave unanswered."""
+
+_LOST = 0.25
+"""Seconds after which a message that has not arrived counts as lost, if nothing moves."""
+
+_TELL = 5.0
+"""Seconds after which the log names those for whom the clock waits."""
+
+_IDLE = 0.05
+"""Seconds between two looks at components that have nothing to do at any time."""
+
+_STUCK = 5.0
+"""Seconds that closing waits for the thread."""
+
+
+class _Asked(Protocol):
+    def step(self, now: int) -> State: ...
+
+    def look(self, last: State) -> State: ...
+
+    def counters(self) -> list[Counter]: ...
+
+
+class _Far:
+    """A follower in another process."""
+
+    def __init__(self, proxy: LockstepFollowerProxy) -> None:
+        self._proxy = proxy
+
+    def step(self, now: int) -> State:
+        return State.of(self._proxy.step(now, deadline=_DEADLINE))
+
+    def look(self, last: State) -> State:
+        return State.of(self._proxy.look(last.report(), deadline=_DEADLINE))
+
+    def counters(self) -> list[Counter]:
+        return self._proxy.counters(deadline=_DEADLINE)
+
+
+class _Seat:
+    """One component that takes part, and its latest state."""
+
+    def __init__(self, name: str, asked: _Asked) -> None:
+        self.name, self.asked = name, asked
+        self.state = State(NEVER, True, 0, ())
+        self.version = -1
+        """That of its counters."""
+        self.counters: Sequence[Counter] = ()
+        self.silent = 0
+        """Number of questions that it did not answer in time."""
+
+
+class Leader:
+    """The leader of a clock. `open`, `begin` when its component is about to be ready, `close`.
+
+    Its thread asks one component at a time: its own, then the others in the order of the network. It goes on to the
+    next instant when all threads of all components wait, and all that they sent was handled.
+    """
+
+    def __init__(self, settings: Settings, member: Member, fail: Callable[[str], None]) -> None:
+        """`fail` ends the component: because a follower was lost, if its configuration says so."""
+        assert settings.clock
+        self._clock, self._patience = settings.clock, settings.startup_timeout
+        self._member, self._fail = member, fail
+        order = [names.whole(name, settings.namespace) for name in self._clock.followers]
+        self._order = {name: number for number, name in enumerate([member.instance, *order])}
+        self._now = 0
+        self._seats: list[_Seat] = []
+        self._balance = Balance({})
+        self._connections: Connections | None = None
+        self._lock = threading.Lock()
+        self._joining: dict[str, int] = {}
+        """The times that their clocks show."""
+        self._leaving: set[str] = set()
+        self._news = threading.Event()
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._lost_on: set[str] = set()
+        """The channels of lost messages that were reported."""
+
+    def open(self, connections: Connections) -> None:
+        self._connections = connections
+        connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPLEADER_INTERFACE), self)
+
+    def begin(self) -> None:
+        """Start to move the clocks, once all followers are there."""
+        self._thread = threading.Thread(target=self._run, name=f"{self._member.instance[1:]}-leader", daemon=True)
+        if not start_thread(self._thread):
+            raise ComponentError(f"the clock cannot be led: {NO_THREAD}")
+
+    def close(self) -> None:
+        self._closing.set()
+        self._news.set()
+        if self._thread and self._thread.ident:
+            self._thread.join(_STUCK)
+
+    # What followers ask.
+
+    def LockstepLeader_join(self, instance: str, now: int) -> None:
+        with self._lock:
+            self._leaving.discard(instance)
+            self._joining[instance] = now
+        self._news.set()
+
+    def LockstepLeader_hasJoined(self, instance: str) -> bool:
+        with self._lock:
+            return instance in self._joining or any(each.name == instance for each in self._seats)
+
+    def LockstepLeader_leave(self, instance: str) -> None:
+        with self._lock:
+            self._joining.pop(instance, None)
+            self._leaving.add(instance)
+
+    # The clock.
+
+    def _run(self) -> None:
+        try:
+            self._gather()
+            self._seat_all([_Seat(self._member.instance, self._member)])
+            begun, start = time.monotonic(), self._now
+            while not self._closing.is_set():
+                self._admit()
+                instant = min(each.state.due for each in self._seats)
+                if instant == NEVER:
+                    self._closing.wait(_IDLE)
+                    self._look(self._seats)
+                    continue
+                if self._clock.speed:
+                    self._closing.wait(
+                        max(0.0, begun + (instant - start) / SECOND / self._clock.speed - time.monotonic())
+                    )
+                if not self._closing.is_set():
+                    self._tick(max(instant, self._now))
+        except Closed:
+            return
+        except Exception as exc:  # the component must not live on with a clock that stands still
+            log.exception("the clock stopped")
+            self._fail(f"the clock stopped: {exc}")
+
+    def _gather(self) -> None:
+        """Wait for the followers that the network names."""
+        begun, told = time.monotonic(), 0.0
+        while not self._closing.is_set():
+            with self._lock:
+                absent = [name for name in self._order if name not in self._joining and name != self._member.instance]
+            waited = time.monotonic() - begun
+            if not absent:
+                return
+            listed = ", ".join(name[1:] for name in absent)
+            if waited > self._patience:
+                log.warning("the clock starts without %s, for which it has waited %g s", listed, self._patience)
+                return
+            if waited - told > _TELL:
+                told = waited
+                log.info("the clock waits for %s", listed)
+            self._news.wait(_IDLE)
+            self._news.clear()
+
+    def _admit(self) -> None:
+        """Let those take part that want to join, and no longer those that left. Notes counters that are others."""
+        if not self._joining and not self._leaving and all(each.state.version == each.version for each in self._seats):
+            return
+        with self._lock:
+            joining, self._joining = self._joining, {}
+            leaving, self._leaving = self._leaving, set()
+        kept = [each for each in self._seats if each.name not in joining and each.name not in leaving]
+        assert self._connections
+        port = Port(Verb.REQUIRES, LOCKSTEPFOLLOWER_INTERFACE, proxy=LockstepFollowerProxy)
+        for name, now in joining.items():
+            self._now = max(self._now, now)
+            kept.append(_Seat(name, _Far(self._connections.reach(port, name))))
+        self._seat_all(kept)
+
+    def _seat_all(self, seats: Sequence[_Seat]) -> None:
+        """Go on with these components, all at the present instant."""
+        last = len(self._order)
+        with self._lock:
+            self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
+        for each in list(self._seats):
+            self._ask(each, partial(each.asked.step, self._now))
+            self._note_counters(each)
+        self._balance = Balance({each.name: each.counters for each in self._seats})
+        self._balance.level(self._numbers(), all=True)
+        self._settle()
+
+    def _tick(self, instant: int) -> None:
+        self._now = instant
+        seats = list(self._seats)
+        for each in seats:
+            if each.state.due > instant:
+                self._ask(each, partial(each.asked.step, instant))  # so that its handlers see the time
+        for each in seats:
+            if each in self._seats and each.state.due <= instant:
+                self._ask(each, partial(each.asked.step, instant))
+                self._settle()
+
+    def _settle(self) -> None:
+        """Wait until all threads wait, and all that was sent was handled."""
+        begun = moved = time.monotonic()
+        told = False
+        while not self._closing.is_set():
+            numbers = self._numbers()
+            flows = self._balance.under_way(numbers)
+            concerned = {
+                name for flow in flows for name, _ in (*flow.receivers, *(flow.senders if flow.is_of_calls else ()))
+            }
+            busy = [each for each in self._seats if not each.state.settled or each.name in concerned]
+            if not busy:
+                self._balance.level(numbers)
+                return
+            if self._look(busy):
+                moved = time.monotonic()
+                continue
+            now = time.monotonic()
+            if now - moved > _LOST and all(each.state.settled for each in busy):
+                for flow in flows:
+                    if not flow.is_of_calls:
+                        self._tell_lost(flow.channel, flow.under_way(numbers))
+                        flow.level(numbers)
+            if not told and now - begun > _TELL:
+                told = True
+                log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
+
+    def _look(self, seats: Sequence[_Seat]) -> bool:
+        """Ask for new reports; returns whether anything has changed."""
+        changed = False
+        for each in list(seats):
+            before = each.state
+            self._ask(each, partial(each.asked.look, before))
+            changed |= each.state != before
+        return changed
+
+    def _ask(self, seat: _Seat, question: Callable[[], State]) -> None:
+        """Take a new report of a component; without an answer, go on without it."""
+        try:
+            seat.state, seat.silent = question(), 0
+        except Timeout as exc:
+            seat.silent += 1
+            if seat.silent >= _SILENT:
+                self._drop(seat, f"does not answer ({exc})")
+        except RobocompError as exc:
+            self._drop(seat, f"is gone ({exc})")
+
+    def _note_counters(self, seat: _Seat) -> None:
+        """Ask what it counts, if that has changed."""
+        if seat.state.version != seat.version and seat in self._seats:
+            try:
+                seat.version, seat.counters = seat.state.version, seat.asked.counters()
+            except RobocompError as exc:
+                self._drop(seat, f"is gone ({exc})")
+
+    def _drop(self, seat: _Seat, why: str) -> None:
+        with self._lock:
+            has_left = seat.name in self._leaving
+            self._seats = [each for each in self._seats if each is not seat]
+        self._balance = Balance({each.name: each.counters for each in self._seats})
+        self._balance.level(self._numbers(), all=True)
+        if self._closing.is_set() or has_left:
+            return
+        if self._clock.lost == "stop":
+            self._closing.set()
+            self._fail(f"{seat.name[1:]}, which follows this clock, {why}")
+        else:
+            log.warning("%s, which follows this clock, %s; the clock goes on without it", seat.name[1:], why)
+
+    def _numbers(self) -> Mapping[str, Sequence[int]]:
+        return {each.name: each.state.numbers for each in self._seats}
+
+    def _tell_lost(self, channel: str, number: int) -> None:
+        if channel not in self._lost_on:
+            self._lost_on.add(channel)
+            what = "a message" if number == 1 else f"{number} messages"
+            log.warning("%s of %s got lost; later losses of it are not reported", what, channel)

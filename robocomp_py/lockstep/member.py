@@ -1,0 +1,190 @@
+"""A component in lock-step: its clock, and what its leader asks of it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+from ..contract.component import Port
+from ..contract.interface import Verb
+from ..errors import Closed, ComponentError, RobocompError
+from ..runtime.monitor import Threads
+from ..threads import NO_THREAD, start_thread
+from ..transports.base import about_to_block
+from ..wire import names
+from .balance import State
+from .clock import Followed
+from .counts import Counts
+from .RoboCompLockstep import (
+    LOCKSTEPFOLLOWER_INTERFACE,
+    LOCKSTEPLEADER_INTERFACE,
+    Counter,
+    LockstepLeaderProxy,
+    Report,
+)
+
+if TYPE_CHECKING:
+    from ..runtime.connections import Connections
+    from ..runtime.settings import Settings
+
+log = logging.getLogger("robocomp.clock")
+
+PATIENCE = 0.02
+"""Longest time in seconds that a follower works before it reports that it is not done."""
+
+_CALL = 0.002
+"""Seconds after which a thread that waits for a reply no longer keeps others of its component from going on."""
+
+_POLL = 0.0005
+"""Seconds between two looks at whether handlers have ended."""
+
+_AGAIN = 1.0
+"""Seconds between two looks at whether the leader knows this component."""
+
+_STUCK = 5.0
+"""Seconds that closing waits for the thread."""
+
+
+class AwayThreads(Threads):
+    """Threads whose wait for a future is no work."""
+
+    def __init__(self, clock: Followed) -> None:
+        super().__init__()
+        self._clock = clock
+
+    def wait_for(self, future: Future[Any], timeout: float | None) -> None:
+        with self._clock.away():
+            super().wait_for(future, timeout)
+
+
+class Member:
+    """One component that follows the clock of a leader, which may be itself.
+
+    `open`, `begin` when it is about to be ready, `wait` before its first `compute`, `close`.
+    """
+
+    def __init__(self, settings: Settings, is_idle: Callable[[], bool], is_over: Callable[[], bool]) -> None:
+        """`is_idle` returns whether no code of the component runs, and `is_over` whether it is about to end."""
+        assert settings.clock
+        self.instance = names.whole(settings.instance, settings.namespace)
+        self.leader = names.whole(settings.clock.leader, settings.namespace)
+        self._is_idle, self._is_over = is_idle, is_over
+        self._is_ready = False
+        self._admitted = threading.Event()
+        self._closing = threading.Event()
+        self._proxy: LockstepLeaderProxy | None = None
+        self._thread: threading.Thread | None = None
+        self.clock = Followed(self._is_free)
+        self.threads = AwayThreads(self.clock)
+        self.counts = Counts(self.clock)
+
+    @property
+    def leads(self) -> bool:
+        """Whether this component is the leader."""
+        return self.leader == self.instance
+
+    def open(self, connections: Connections) -> None:
+        """Open what connects a follower with its leader."""
+        if not self.leads:
+            connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPFOLLOWER_INTERFACE), self)
+            port = Port(Verb.REQUIRES, LOCKSTEPLEADER_INTERFACE, proxy=LockstepLeaderProxy)
+            self._proxy = connections.reach(port, self.leader)
+
+    def begin(self) -> None:
+        """From now on the clock stands still until the leader moves it."""
+        self._is_ready = True
+        if self._proxy:
+            self._thread = threading.Thread(target=self._keep_joined, name=f"{self.instance[1:]}-clock", daemon=True)
+            if not start_thread(self._thread):
+                raise ComponentError(f"the clock cannot be followed: {NO_THREAD}")
+
+    def wait(self) -> None:
+        """Wait until the leader has moved the clock for the first time, or the component is about to end."""
+        while not self._admitted.wait(0.1):
+            if self._is_over():
+                return
+
+    def close(self) -> None:
+        """Take part no longer."""
+        self._closing.set()
+        if self._proxy and self._admitted.is_set():
+            try:
+                self._proxy.leave(self.instance, deadline=1.0)
+            except RobocompError as exc:
+                log.debug("the leader was not told that %s ends: %s", self.instance[1:], exc)
+        if self._thread and self._thread.ident:
+            self._thread.join(_STUCK)
+
+    # What the leader asks.
+
+    def LockstepFollower_step(self, now: int) -> Report:
+        return self.step(now).report()
+
+    def LockstepFollower_look(self, last: Report) -> Report:
+        return self.look(State.of(last)).report()
+
+    def LockstepFollower_counters(self) -> list[Counter]:
+        return self.counters()
+
+    def step(self, now: int) -> State:
+        """Do all that is due until an instant."""
+        self.clock.set(now)
+        self._admitted.set()
+        begun = quiet = time.monotonic()
+        while True:
+            is_settled, elapsed = self._is_settled, time.monotonic()
+            if not is_settled:
+                quiet = elapsed
+            elif (not self.counts.calls or elapsed - quiet > _CALL) and not self.clock.advance(now):
+                break
+            if elapsed - begun > PATIENCE:
+                break
+            about_to_block()
+            self.clock.wait_change(_POLL)
+        return self._state()
+
+    def look(self, last: State) -> State:
+        """Wait until its state differs from the last one, but not long."""
+        begun = time.monotonic()
+        while (now := self._state()) == last and time.monotonic() - begun < PATIENCE:
+            about_to_block()
+            self.clock.wait_change(_POLL)
+        return now
+
+    def counters(self) -> list[Counter]:
+        """What the numbers of its states count."""
+        return list(self.counts.counters)
+
+    @property
+    def _is_settled(self) -> bool:
+        return self._is_idle() and self.clock.is_still
+
+    def _state(self) -> State:
+        is_settled = self._is_settled  # first: what begins after it is counted below
+        return State(self.clock.due, is_settled, self.counts.version, self.counts.numbers())
+
+    def _is_free(self) -> bool:
+        return not self._is_ready or self._is_over()
+
+    # Joining.
+
+    def _keep_joined(self) -> None:
+        """Join, and join again if the leader was restarted."""
+        told = ""
+        while not self._closing.is_set() and not self._is_over():
+            assert self._proxy
+            try:
+                if not self._proxy.hasJoined(self.instance, deadline=_AGAIN):
+                    self._proxy.join(self.instance, self.clock.now(), deadline=_AGAIN)
+                told = ""
+            except Closed:
+                return
+            except RobocompError as exc:
+                if not told and self._admitted.is_set():
+                    log.warning("the clock stands still: %s, which leads it, does not answer", self.leader[1:])
+                told = str(exc)
+            self._closing.wait(_AGAIN if self._admitted.is_set() else _AGAIN / 10)
