@@ -86,7 +86,7 @@ class Report:
 
     due: int = 0  # when it has something to do next
     settled: bool = False  # whether all its threads wait
-    version: int = 0  # increases when its counters are others
+    version: int = 0  # another one when its counters are others, or it was restarted
     # of messages so far, or of calls in progress, in the order of its counters
     numbers: NumberList = field(default_factory=lambda: np.empty(0, np.int64))
 

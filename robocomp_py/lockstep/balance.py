@@ -27,7 +27,7 @@ class State:
     settled: bool
     """Whether all its threads wait."""
     version: int
-    """Increases when its counters are others."""
+    """Another one when its counters are others, or the component was restarted."""
     numbers: tuple[int, ...]
     """In the order of its counters."""
 

@@ -7,6 +7,7 @@ Calls, Serves        calls in progress, at the client and at the server
 
 from __future__ import annotations
 
+import secrets
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
@@ -38,8 +39,8 @@ class Counts:
     def __init__(self, clock: Followed) -> None:
         self.clock = clock
         self.counters: list[Counter] = []
-        self.version = 0
-        """Increases when a counter is added or dropped."""
+        self.version = secrets.randbits(30)
+        """Increases when a counter is added or dropped. It begins at random: a restarted component has another one."""
         self._numbers: list[int] = []
         self._lock = threading.Lock()
 

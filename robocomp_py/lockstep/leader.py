@@ -193,8 +193,8 @@ class Leader:
             self._news.clear()
 
     def _admit(self) -> None:
-        """Let those take part that want to join, and no longer those that left. Notes counters that are others."""
-        if not self._joining and not self._leaving and all(each.state.version == each.version for each in self._seats):
+        """Let those take part that want to join, and no longer those that left."""
+        if not self._joining and not self._leaving:
             return
         with self._lock:
             joining, self._joining = self._joining, {}
@@ -214,9 +214,7 @@ class Leader:
             self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
         for each in list(self._seats):
             self._ask(each, partial(each.asked.step, self._now))
-            self._note_counters(each)
-        self._balance = Balance({each.name: each.counters for each in self._seats})
-        self._balance.level(self._numbers(), all=True)
+        self._count_anew()
         self._settle()
 
     def _tick(self, instant: int) -> None:
@@ -235,6 +233,8 @@ class Leader:
         begun = moved = time.monotonic()
         told = False
         while not self._closing.is_set():
+            if any(each.state.version != each.version for each in self._seats):
+                self._count_anew()
             numbers = self._numbers()
             flows = self._balance.under_way(numbers)
             concerned = {
@@ -258,12 +258,12 @@ class Leader:
                 log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
 
     def _look(self, seats: Sequence[_Seat]) -> bool:
-        """Ask for new reports; returns whether anything has changed."""
+        """Ask for new states; returns whether anything has changed."""
         changed = False
         for each in list(seats):
             before = each.state
             self._ask(each, partial(each.asked.look, before))
-            changed |= each.state != before
+            changed |= each.state != before or each not in self._seats
         return changed
 
     def _ask(self, seat: _Seat, question: Callable[[], State]) -> None:
@@ -277,20 +277,22 @@ class Leader:
         except RobocompError as exc:
             self._drop(seat, f"is gone ({exc})")
 
-    def _note_counters(self, seat: _Seat) -> None:
-        """Ask what it counts, if that has changed."""
-        if seat.state.version != seat.version and seat in self._seats:
-            try:
-                seat.version, seat.counters = seat.state.version, seat.asked.counters()
-            except RobocompError as exc:
-                self._drop(seat, f"is gone ({exc})")
+    def _count_anew(self) -> None:
+        """Take the counters that the components have now. No message counts as under way."""
+        for seat in list(self._seats):
+            if seat.state.version != seat.version:
+                try:
+                    seat.counters, seat.version = seat.asked.counters(), seat.state.version
+                except RobocompError as exc:
+                    self._drop(seat, f"is gone ({exc})")
+        self._balance = Balance({each.name: each.counters for each in self._seats})
+        self._balance.level(self._numbers(), all=True)
 
     def _drop(self, seat: _Seat, why: str) -> None:
         with self._lock:
             has_left = seat.name in self._leaving
             self._seats = [each for each in self._seats if each is not seat]
-        self._balance = Balance({each.name: each.counters for each in self._seats})
-        self._balance.level(self._numbers(), all=True)
+        self._count_anew()
         if self._closing.is_set() or has_left:
             return
         if self._clock.lost == "stop":

@@ -223,6 +223,7 @@ class Agenda:
             if self._thread or self._closed:
                 return
             self._thread = threading.Thread(target=self._loop, args=(fire,), name=f"{self._name}-timers")
+            self._clock.wait(self._wake, self._clock.now())  # so that a clock that others move knows of the thread
             if not start_thread(self._thread):
                 self._thread = None
                 raise ComponentError(f"timers cannot run: {NO_THREAD}")

@@ -23,7 +23,9 @@ class Follower:
     """Stands for the proxy of one: it has something to do each second, unless `error` is raised instead."""
 
     def __init__(self, counters: list[Counter]) -> None:
-        self._counters, self.numbers = counters, [0] * len(counters)
+        self._counters = counters
+        self.told = 0, [0] * len(counters)
+        """The version of its counters, and their numbers."""
         self.steps: list[int] = []
         self.error: TransportError | None = None
 
@@ -38,7 +40,8 @@ class Follower:
         if self.error:
             raise self.error
         due = (self.steps[-1] // SECOND + 1) * SECOND
-        return Report(due, True, 0, np.array(self.numbers, np.int64))
+        version, numbers = self.told
+        return Report(due, True, version, np.array(numbers, np.int64))
 
 
 class Connections:
@@ -123,10 +126,25 @@ def test_a_lost_message_is_told_once_and_not_waited_for_forever(caplog: pytest.L
     followers = {"/a": Follower([Counter(Way.Publishes, [topic])]), "/b": Follower([Counter(Way.Hears, [topic])])}
     with leader(followers):
         wait_until(lambda: len(followers["/a"].steps) > 2)
-        followers["/a"].numbers[0] += 1
+        followers["/a"].told = 0, [1]
         wait_until(lambda: f"a message of {topic} got lost" in caplog.text)
         reached = len(followers["/b"].steps)
         wait_until(lambda: len(followers["/b"].steps) > reached + 2)
+
+
+def test_a_follower_that_was_restarted_at_once_has_lost_no_message(caplog: pytest.LogCaptureFixture) -> None:
+    """Its numbers begin at 0 again, and a call that is repeated hides that it was away."""
+    topic = "a/LaserPub/push"
+    followers = {"/a": Follower([Counter(Way.Publishes, [topic])]), "/b": Follower([Counter(Way.Hears, [topic])])}
+    with leader(followers):
+        wait_until(lambda: len(followers["/a"].steps) > 2)
+        followers["/a"].told = followers["/b"].told = 0, [5]
+        reached = len(followers["/b"].steps)
+        wait_until(lambda: len(followers["/b"].steps) > reached + 2)
+        followers["/b"].told = 7, [0]
+        reached = len(followers["/b"].steps)
+        wait_until(lambda: len(followers["/b"].steps) > reached + 2)
+    assert "lost" not in caplog.text
 
 
 def test_a_restarted_follower_takes_the_place_of_the_former_one() -> None:
