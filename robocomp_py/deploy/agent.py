@@ -48,6 +48,9 @@ WAITING = 10_000
 HANDOVER_TIMEOUT = 20.0
 """Seconds to wait for an agent that is just ending."""
 
+HOSTING_TIMEOUT = 30.0
+"""Seconds in which the shared parts of the middlewares, such as a router, must have started on this host."""
+
 
 class Session:
     """The connection to a controller, direct or through another agent."""
@@ -319,7 +322,11 @@ class Agent(Listener):
                 await asyncio.sleep(BEAT / 4)  # the agent of a controller that was lost a moment ago
         self._launcher = launcher
         try:
-            await beside(self._host, message["hosted"], f"rcdeploy {message['network']}")
+            async with asyncio.timeout(HOSTING_TIMEOUT):
+                await beside(self._host, message["hosted"], f"rcdeploy {message['network']}")
+        except TimeoutError as exc:
+            what = " and ".join(name for name, _ in message["hosted"])
+            raise DeploymentError(f"what {what} shares there has not started within {HOSTING_TIMEOUT:g} s") from exc
         except (TransportError, ConfigurationError) as exc:
             raise DeploymentError(str(exc)) from exc
 
@@ -338,8 +345,11 @@ class Agent(Listener):
         """Run what the components' middlewares share on this host."""
         from ..transports.base import TransportConfig, hosting
 
-        for name, options in hosted:
-            self._hosted.enter_context(hosting(name, TransportConfig(options, owner)))
+        with contextlib.ExitStack() as opened:
+            for name, options in hosted:
+                opened.enter_context(hosting(name, TransportConfig(options, owner)))
+            if not self._ending:  # the agent waits for it no longer than HOSTING_TIMEOUT
+                self._hosted.push(opened.pop_all())
 
     async def _start(self, session: Session, told: Message) -> None:
         assert self._launcher

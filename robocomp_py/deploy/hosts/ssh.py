@@ -73,10 +73,17 @@ async def run(host: Host, command: Sequence[str], **options: Any) -> Channel:
     connection = await connect(host, **options)
     try:
         line = f"exec {shlex.join(command)}"
-        process = await connection.create_process(line, encoding=None, request_pty=False)
+        async with asyncio.timeout(CONNECT_TIMEOUT):
+            process = await connection.create_process(line, encoding=None, request_pty=False)
+    except TimeoutError as exc:
+        connection.abort()
+        raise HostUnreachable(f"{called(host)}: it has not run a program within {CONNECT_TIMEOUT:g} s") from exc
     except (OSError, asyncssh.Error) as exc:
         connection.abort()
         raise HostUnreachable(f"{called(host)}: it does not run programs: {_reason(exc)}") from exc
+    except BaseException:
+        connection.abort()
+        raise
     return Channel(connection, process)
 
 

@@ -6,8 +6,10 @@ import asyncio
 import json
 import socket
 import sys
+import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,8 @@ class Controller:
     def tell(self, **message: Any) -> None:
         self._writer.write(packed(message))
 
-    def open(self) -> None:
-        common = {"network": "Net", "command": "", "keep": False, "hosted": [], "names": ["laser"]}
+    def open(self, hosted: Sequence[tuple[str, dict[str, Any]]] = ()) -> None:
+        common = {"network": "Net", "command": "", "keep": False, "hosted": hosted, "names": ["laser"]}
         self.tell(do="open", controller=self._name, **common)
 
     async def is_told(self, *kinds: str) -> dict[str, Any]:
@@ -52,14 +54,16 @@ class Controller:
         self._writer.close()
 
 
-async def run_by_first(agent: Agent) -> tuple[asyncio.Task[None], Controller]:
+async def run_by_first(
+    agent: Agent, hosted: Sequence[tuple[str, dict[str, Any]]] = ()
+) -> tuple[asyncio.Task[None], Controller]:
     """The agent, at work, and who asks it to be."""
     here, there = socket.socketpair()
     agent.socket.parent.mkdir(parents=True)
     session = Session(*await asyncio.open_unix_connection(sock=there))
     running = asyncio.create_task(agent.run(session, listening(agent.socket)))
     first = Controller("first", *await asyncio.open_unix_connection(sock=here))
-    first.open()
+    first.open(hosted)
     return running, first
 
 
@@ -149,6 +153,32 @@ def test_a_controller_may_be_silent_while_the_network_starts(own_runtime_folder:
         await running
 
     asyncio.run(play())
+
+
+def test_a_router_that_does_not_start_is_reported_and_the_agent_ends(
+    own_runtime_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    may_end, ended = threading.Event(), threading.Event()
+
+    @contextmanager
+    def hanging(*_: object) -> Iterator[None]:
+        may_end.wait(SOON)
+        yield
+        ended.set()
+
+    monkeypatch.setattr("robocomp_py.transports.base.hosting", hanging)
+    monkeypatch.setattr("robocomp_py.deploy.agent.HOSTING_TIMEOUT", 0.01)
+
+    async def play() -> None:
+        running, first = await run_by_first(Agent("Net"), hosted=[("relayed", {})])
+        why = (await first.is_told("refused"))["why"]
+        assert why == "what relayed shares there has not started within 0.01 s"
+        await first.leave()
+        await running
+
+    asyncio.run(play())
+    may_end.set()
+    assert ended.wait(SOON), "a router that starts after the agent has given up ends at once"
 
 
 def test_an_agent_that_was_stopped_itself_does_not_count_its_controller_as_gone(

@@ -113,7 +113,8 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @asynccontextmanager
-async def serving(folder: Path, *, trusted: bool = True) -> AsyncIterator[Server]:
+async def serving(folder: Path, *, trusted: bool = True, runs: bool = True) -> AsyncIterator[Server]:
+    """An SSH server. Unless it `runs` programs, it is asked for them and never answers."""
     key = asyncssh.generate_private_key("ssh-ed25519")
     host_key = asyncssh.generate_private_key("ssh-ed25519")
     there, connections = folder / "there", []
@@ -151,13 +152,16 @@ async def serving(folder: Path, *, trusted: bool = True) -> AsyncIterator[Server
         def connection_made(self, conn: asyncssh.SSHServerConnection) -> None:
             connections.append(conn)
 
+        async def session_requested(self) -> bool:  # type: ignore[override]  # asyncssh takes awaitables, too
+            return await asyncio.get_running_loop().create_future()
+
     listening = await asyncssh.create_server(
         Server_,
         "127.0.0.1",
         0,
         server_host_keys=[host_key],
         authorized_client_keys=asyncssh.import_authorized_keys(key.export_public_key("openssh").decode()),
-        process_factory=handle,
+        process_factory=handle if runs else None,
         encoding=None,
     )
     port = listening.get_port()
@@ -475,6 +479,16 @@ def test_a_host_that_does_not_answer_is_named(tmp_path: Path):
             gone = server.host
         with pytest.raises(HostUnreachable, match=r"robot \(127\.0\.0\.1\) cannot be reached: .*is it on"):
             await server.agent(Heard(), host=gone).open()
+
+    scene(act)
+
+
+def test_a_host_that_takes_the_login_and_runs_no_program_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    async def act() -> None:
+        async with serving(tmp_path, runs=False) as server:
+            monkeypatch.setattr(ssh, "CONNECT_TIMEOUT", 1.0)
+            with pytest.raises(HostUnreachable, match=r"robot.*: it has not run a program within 1 s"):
+                await ssh.run(server.host, ["true"], **server.options)
 
     scene(act)
 
