@@ -14,6 +14,7 @@
   memory     queries with large arrays, if glibc keeps freed memory
   shared     memory in /dev/shm for messages of several sizes, and the part that is in use
   virtual    the example network in virtual time
+  lockstep   one instant of a network in lock-step
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
 
@@ -43,6 +44,7 @@ from . import (
     languages,
     layers,
     loans,
+    lockstep,
     lsp,
     machine,
     memory,
@@ -221,6 +223,11 @@ def _virtual(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [virtual.table(rows)], virtual.findings(rows))
 
 
+def _lockstep(options: argparse.Namespace, effort: Effort) -> Found:
+    rows, failures = _each(lockstep.run, options.only, effort)
+    return Found(rows, [lockstep.table(rows)], lockstep.findings(rows), failures)
+
+
 def _languages(options: argparse.Namespace, effort: Effort) -> Found:
     rows = languages.run(effort.halved, tell)
     return Found(rows, [languages.table(rows)])
@@ -246,6 +253,7 @@ MEASUREMENTS: dict[str, Run] = {
     "memory": _memory,
     "shared": _shared,
     "virtual": _virtual,
+    "lockstep": _lockstep,
     "languages": _languages,
     "lsp": _lsp,
 }

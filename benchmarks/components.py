@@ -29,12 +29,13 @@ class Ready:
 
 @contextlib.contextmanager
 def component(
-    name: str, folder: Path, middleware: str, *settings: str, runtime: str = "", **environment: str
+    name: str, folder: Path, middleware: str, *settings: str, instance: str = "", runtime: str = "", **environment: str
 ) -> Iterator[Ready]:
     """The component of that name in a folder. It meets others with the same run-time folder."""
     with contextlib.ExitStack() as undo:
         here = undo.enter_context(place())
         command = [sys.executable, "-m", name, "--middleware", middleware, "--set", "component.log=warning"]
+        command += ["--name", instance or name]
         transport = (f"transports.{middleware}.{key}={value}" for key, value in options(middleware, here).items())
         for each in (*settings, *transport):
             command += ["--set", each]

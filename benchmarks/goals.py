@@ -34,6 +34,7 @@ GOALS = {
     "memory": Goal("memory of a component with one interface", "≤ 60 MB"),
     "shared": Goal("shm, memory for messages of several sizes", "≤ 1.5 × in use + 4 MB; 4 MB afterwards"),
     "virtual": Goal("example network in virtual time, real time ÷ its time", "≥ 36 ×"),
+    "lockstep": Goal("lock-step with four followers, one instant", "shm ≤ 0.2 ms; zeromq ≤ 0.5 ms"),
     "start": Goal("start of a component, to `ready`", "≤ 0.3 s; dds ≤ 0.5 s"),
 }
 """In the order of the table."""

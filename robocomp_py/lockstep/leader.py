@@ -76,8 +76,9 @@ class _Far:
 class _Seat:
     """One component that takes part, and its latest state."""
 
-    def __init__(self, name: str, asked: _Asked) -> None:
-        self.name, self.asked = name, asked
+    def __init__(self, name: str, asked: _Asked, close: Callable[[], None] = lambda: None) -> None:
+        """`close` ends the connection with it."""
+        self.name, self.asked, self.close = name, asked, close
         self.state = State(NEVER, True, 0, ())
         self.version = -1
         """That of its counters."""
@@ -200,11 +201,15 @@ class Leader:
             joining, self._joining = self._joining, {}
             leaving, self._leaving = self._leaving, set()
         kept = [each for each in self._seats if each.name not in joining and each.name not in leaving]
+        for each in self._seats:
+            if each not in kept:
+                each.close()
         assert self._connections
         port = Port(Verb.REQUIRES, LOCKSTEPFOLLOWER_INTERFACE, proxy=LockstepFollowerProxy)
         for name, now in joining.items():
             self._now = max(self._now, now)
-            kept.append(_Seat(name, _Far(self._connections.reach(port, name))))
+            proxy, close = self._connections.reach(port, name)
+            kept.append(_Seat(name, _Far(proxy), close))
         self._seat_all(kept)
 
     def _seat_all(self, seats: Sequence[_Seat]) -> None:
@@ -237,17 +242,15 @@ class Leader:
                 self._count_anew()
             numbers = self._numbers()
             flows = self._balance.under_way(numbers)
-            concerned = {
-                name for flow in flows for name, _ in (*flow.receivers, *(flow.senders if flow.is_of_calls else ()))
-            }
+            concerned = {name for flow in flows for name, _ in flow.concerned}
             busy = [each for each in self._seats if not each.state.settled or each.name in concerned]
             if not busy:
                 self._balance.level(numbers)
                 return
+            now = time.monotonic()  # before it looks: this process may have been stopped for a while
             if self._look(busy):
                 moved = time.monotonic()
                 continue
-            now = time.monotonic()
             if now - moved > _LOST and all(each.state.settled for each in busy):
                 for flow in flows:
                     if not flow.is_of_calls:
@@ -292,6 +295,7 @@ class Leader:
         with self._lock:
             has_left = seat.name in self._leaving
             self._seats = [each for each in self._seats if each is not seat]
+        seat.close()
         self._count_anew()
         if self._closing.is_set() or has_left:
             return

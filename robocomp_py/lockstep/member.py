@@ -42,6 +42,9 @@ _CALL = 0.002
 _POLL = 0.0005
 """Seconds between two looks at whether handlers have ended."""
 
+_SHORT = 0.0002
+"""Seconds for which a question may keep others from being received, since most components are done by then."""
+
 _AGAIN = 1.0
 """Seconds between two looks at whether the leader knows this component."""
 
@@ -92,7 +95,7 @@ class Member:
         if not self.leads:
             connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPFOLLOWER_INTERFACE), self)
             port = Port(Verb.REQUIRES, LOCKSTEPLEADER_INTERFACE, proxy=LockstepLeaderProxy)
-            self._proxy = connections.reach(port, self.leader)
+            self._proxy, _ = connections.reach(port, self.leader)
 
     def begin(self) -> None:
         """From now on the clock stands still until the leader moves it."""
@@ -143,7 +146,8 @@ class Member:
                 break
             if elapsed - begun > PATIENCE:
                 break
-            about_to_block()
+            if elapsed - begun > _SHORT:
+                about_to_block()
             self.clock.wait_change(_POLL)
         return self._state()
 

@@ -161,16 +161,26 @@ class Connections:
         """Serve an interface that is not one of the component's own. Its handlers run outside of the monitor."""
         self._links += ports.bind_handlers(port, handlers, self._route, self._monitor, outside=True)
 
-    def reach(self, port: Port, instance: str) -> Any:
-        """A proxy for a required interface that is not one of the component's own, at `/namespace/instance`."""
+    def reach(self, port: Port, instance: str) -> tuple[Any, Callable[[], None]]:
+        """A proxy for a required interface that is not one of the component's own, at `/namespace/instance`.
+
+        Also returns a function that closes its links, for a caller that needs it no longer than the component runs.
+        """
         where = names.resolve(f"{instance}/{port.interface.short}", self._settings.namespace, "")
 
         def route(port: Port, operation: Operation[Any]) -> ports.Route:
             return replace(self._route(port, operation), channel=names.channel(*where, operation.name))
 
         proxy, links = ports.bind_proxy(port, route, self._monitor)
-        self._proxied += links
-        return proxy
+        with self._changing:
+            self._proxied += links
+
+        def close() -> None:
+            with self._changing:
+                self._proxied = [each for each in self._proxied if each not in links]
+            ports.close_all(links)
+
+        return proxy, close
 
     def close_links(self) -> None:
         for instances in self._instances:

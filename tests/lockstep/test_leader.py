@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,6 +19,9 @@ from robocomp_py.runtime.clock import SECOND
 from robocomp_py.runtime.settings import ClockSettings, Settings
 from robocomp_py.testing.patience import wait_until
 
+AT_ONCE = threading.Lock()
+"""Held while the numbers of two followers change, so that nothing happens in between."""
+
 
 class Follower:
     """Stands for the proxy of one: it has something to do each second, unless `error` is raised instead."""
@@ -28,6 +32,11 @@ class Follower:
         """The version of its counters, and their numbers."""
         self.steps: list[int] = []
         self.error: TransportError | None = None
+        self.closed = 0
+        """Number of connections with it that were closed."""
+
+    def close(self) -> None:
+        self.closed += 1
 
     def counters(self, *, deadline: float) -> list[Counter]:
         return self._counters
@@ -40,7 +49,8 @@ class Follower:
         if self.error:
             raise self.error
         due = (self.steps[-1] // SECOND + 1) * SECOND
-        version, numbers = self.told
+        with AT_ONCE:
+            version, numbers = self.told
         return Report(due, True, version, np.array(numbers, np.int64))
 
 
@@ -52,8 +62,9 @@ class Connections:
 
     def serve(self, port: Port, handlers: object) -> None: ...
 
-    def reach(self, port: Port, instance: str) -> Any:
-        return self._followers[instance]
+    def reach(self, port: Port, instance: str) -> tuple[Any, Callable[[], None]]:
+        follower = self._followers[instance]
+        return follower, follower.close
 
 
 @contextmanager
@@ -88,6 +99,7 @@ def test_the_clock_goes_on_without_a_follower_that_is_gone(caplog: pytest.LogCap
         followers["/b"].error = Unreachable("no server")
         reached = len(followers["/a"].steps)
         wait_until(lambda: len(followers["/a"].steps) > reached + 5)
+    assert (followers["/a"].closed, followers["/b"].closed) == (0, 1)
     assert "b, which follows this clock, is gone (no server); the clock goes on without it" in caplog.text
     assert not failures
 
@@ -138,7 +150,8 @@ def test_a_follower_that_was_restarted_at_once_has_lost_no_message(caplog: pytes
     followers = {"/a": Follower([Counter(Way.Publishes, [topic])]), "/b": Follower([Counter(Way.Hears, [topic])])}
     with leader(followers):
         wait_until(lambda: len(followers["/a"].steps) > 2)
-        followers["/a"].told = followers["/b"].told = 0, [5]
+        with AT_ONCE:
+            followers["/a"].told = followers["/b"].told = 0, [5]
         reached = len(followers["/b"].steps)
         wait_until(lambda: len(followers["/b"].steps) > reached + 2)
         followers["/b"].told = 7, [0]
@@ -162,5 +175,6 @@ def test_a_restarted_follower_takes_the_place_of_the_former_one() -> None:
         made.LockstepLeader_join("/a", 0)
         wait_until(lambda: len(followers["/a"].steps) > 3)
         assert followers["/a"].steps[0] >= first.steps[3]
+        assert first.closed == 1
     finally:
         made.close()
