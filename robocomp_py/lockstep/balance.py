@@ -96,6 +96,10 @@ class Balance:
         """The flows with messages that are not handled yet."""
         return [flow for flow in self.flows if flow.under_way(numbers) > 0]
 
+    def ahead(self, numbers: Numbers) -> list[Flow]:
+        """The flows of which more messages were handled than sent, as far as these numbers tell."""
+        return [flow for flow in self.flows if flow.under_way(numbers) < 0]
+
     def level(self, numbers: Numbers, *, all: bool = False) -> None:
         """Forget messages that were handled without having been counted; with `all`, also those that are missing."""
         for flow in self.flows:

@@ -45,6 +45,9 @@ _TELL = 5.0
 _IDLE = 0.05
 """Seconds between two looks at components that have nothing to do at any time."""
 
+_UNKNOWN = State(NEVER, True, -1, ())
+"""A state from which all others differ, so that a component does not wait for a change."""
+
 _STUCK = 5.0
 """Seconds that closing waits for the thread."""
 
@@ -245,6 +248,9 @@ class Leader:
             concerned = {name for flow in flows for name, _ in flow.concerned}
             busy = [each for each in self._seats if not each.state.settled or each.name in concerned]
             if not busy:
+                ahead = {name for flow in self._balance.ahead(numbers) for name, _ in flow.senders}
+                if ahead and self._look([each for each in self._seats if each.name in ahead], _UNKNOWN):
+                    continue  # they had sent more since they were asked
                 self._balance.level(numbers)
                 return
             now = time.monotonic()  # before it looks: this process may have been stopped for a while
@@ -260,12 +266,12 @@ class Leader:
                 told = True
                 log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
 
-    def _look(self, seats: Sequence[_Seat]) -> bool:
-        """Ask for new states; returns whether anything has changed."""
+    def _look(self, seats: Sequence[_Seat], last: State | None = None) -> bool:
+        """Ask for states that differ from `last`, by default the known ones; returns whether anything has changed."""
         changed = False
         for each in list(seats):
             before = each.state
-            self._ask(each, partial(each.asked.look, before))
+            self._ask(each, partial(each.asked.look, last or before))
             changed |= each.state != before or each not in self._seats
         return changed
 

@@ -144,6 +144,23 @@ def test_a_lost_message_is_told_once_and_not_waited_for_forever(caplog: pytest.L
         wait_until(lambda: len(followers["/b"].steps) > reached + 2)
 
 
+def test_messages_that_were_sent_after_the_sender_was_asked_are_not_lost(caplog: pytest.LogCaptureFixture) -> None:
+    """By a thread of its own, for example, that the clock does not stop."""
+    topic = "a/LaserPub/push"
+    sender = Follower([Counter(Way.Publishes, [topic])])
+
+    class Hearing(Follower):
+        def step(self, now: int, *, deadline: float) -> Report:
+            with AT_ONCE:
+                sender.told = self.told = 0, [len(self.steps)]
+            return super().step(now, deadline=deadline)
+
+    followers = {"/a": sender, "/b": Hearing([Counter(Way.Hears, [topic])])}
+    with leader(followers):
+        wait_until(lambda: len(followers["/b"].steps) > 5)
+    assert "lost" not in caplog.text
+
+
 def test_a_follower_that_was_restarted_at_once_has_lost_no_message(caplog: pytest.LogCaptureFixture) -> None:
     """Its numbers begin at 0 again, and a call that is repeated hides that it was away."""
     topic = "a/LaserPub/push"
