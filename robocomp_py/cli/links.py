@@ -81,7 +81,7 @@ def _print(ways: Sequence[Way]) -> None:
     for column in ("instance", "uses", "of", "over", "why"):
         table.add_column(column, no_wrap=column != "why")
     for way, what in _together(ways):
-        table.add_row(way.client, what, way.provider, way.middleware, way.why)
+        table.add_row(way.client, what, way.source, way.middleware, way.why)
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = _UNBROKEN
@@ -92,7 +92,7 @@ def _together(ways: Sequence[Way]) -> list[tuple[Way, str]]:
     """The operations between two ports with the same middleware as one line, and their names."""
     found: dict[tuple[str, ...], list[Way]] = {}
     for way in ways:
-        found.setdefault((way.client, way.port, way.verb, way.provider, way.middleware, way.why), []).append(way)
+        found.setdefault((way.client, way.port, way.verb, way.source, way.middleware, way.why), []).append(way)
     pairs = Counter((key[0], key[1], key[2], key[3]) for key in found)
     lines = []
     for key, (way, *others) in found.items():

@@ -89,7 +89,10 @@ def choose(configured: Sequence[Configured], usable: Usable = installed_here) ->
         if (met := chooser.connections(middleware)) and (reason := usable(middleware, met)):
             usable = _without(middleware, reason, usable)
             chooser = _chosen(links, usable)
-    settings = {each.name: tuple(chooser.settings(each)) for each in configured if not each.is_program}
+    settings: dict[str, tuple[str, ...]] = {}
+    for each in configured:
+        if not each.is_program:
+            settings[each.runs_as] = (*settings.get(each.runs_as, ()), *chooser.settings(each))
     ways = tuple(replace(each.way, looked_up=chooser.looked_up(each)) for each in chooser.links)
     return Choice(ways, {name: assignments for name, assignments in settings.items() if assignments}, chooser.notes())
 
@@ -199,8 +202,9 @@ class _Chooser:
     def link(self, link: _Link) -> None:
         middleware, origin = link.named()
         middleware, why = (middleware, f"named ({origin})") if middleware else self._best(link)
-        names = link.client.name, link.port.label, link.server.name, link.port.verb, link.port.interface.short
-        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel, origin=origin))
+        names = link.client.name, link.port.label, link.server.runs_as, link.port.verb, link.port.interface.short
+        named = link.server.instance if link.server.owner else ""
+        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel, origin=origin, named=named))
         self.links.append(chosen)
         for end in (_end(link.client, link.port, link.operation), _end(link.server, link.theirs, link.operation)):
             self._by_end.setdefault(end, []).append(chosen)
@@ -255,7 +259,7 @@ class _Chooser:
             if len(set(wanted.values())) == 1 and not apart:
                 wanted = {"": next(iter(wanted.values()))}
             for operation, keys in wanted.items():
-                at = f"ports.{port.name}.{operation}" if operation else f"ports.{port.name}"
+                at = ".".join(filter(None, (*each.tables, port.name, operation)))
                 yield from (f"{at}.{key}" for key in keys)
 
     def _offered(self, server: Configured, port: Port, operation: str) -> tuple[str, ...]:

@@ -130,7 +130,8 @@ def _addresses(process: Process) -> list[str]:
         if option in (["bind"], ["interface"]):
             found[instance, key] = value and f"{middleware} {value}"
         elif option[:1] == ["endpoints"]:
-            found[instance, key] = f"{middleware} {option[-1]} {value}"
+            served = option[-1].strip('"')
+            found[instance, key] = f"{middleware} {served} {value}"
     return [said for said in found.values() if said]
 
 
@@ -138,12 +139,12 @@ def _uses(plan: Plan) -> dict[str, list[str]]:
     """The links of each client, with their middlewares."""
     ways: dict[Link, dict[str, None]] = {}
     for way in plan.ways:
-        link = Link(way.interface.rpartition(".")[2], way.provider, way.client, way.verb)
+        link = Link(way.interface.rpartition(".")[2], way.provider, way.client, way.verb, way.named)
         ways.setdefault(link, {})[way.middleware + (f" ({way.origin})" if way.origin else "")] = None
     found: dict[str, list[str]] = {}
     for each in plan.links:
         over = f" over {', '.join(ways[each])}" if each in ways else ""
-        found.setdefault(each.client, []).append(f"{each.interface} of {each.provider}{over}")
+        found.setdefault(each.client, []).append(f"{each.interface} of {each.source}{over}")
     return found
 
 

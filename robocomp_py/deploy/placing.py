@@ -177,6 +177,11 @@ def port(instance: Instance) -> int:
     return whole(instance.port.text) if instance.port else 0
 
 
+def ports_of_offers(instance: Instance) -> dict[str, int]:
+    """The TCP ports at which its named instances can be called from outside."""
+    return {each.local: whole(each.port.text) for each in instance.offers if each.port}
+
+
 def namespace(model: Deployment, instance: Instance) -> str:
     """That of its channels: the systems around it are a part of it."""
     return "/".join(filter(None, (model.namespace, *instance.system)))

@@ -27,6 +27,13 @@ class Link:
     provider: str
     client: str
     verb: Verb
+    named: str = ""
+    """The named instance of the provider, in its system; "" if the provider offers it by its own name."""
+
+    @property
+    def source(self) -> str:
+        """What is used, for people: `world`, or `world/front` for a named instance."""
+        return f"{self.provider}/{self.named}" if self.named else self.provider
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from ..transports.network import Way as Carried
 from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
+from .offers import read_offers
 from .ordering import Edge, Order, ordered
 from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
 from .process import Member, Process
@@ -149,6 +150,7 @@ class _Planner:
         self._check_network()
         nodes = self._nodes()
         self._check_overrides(nodes)
+        read_offers(nodes, self._report)
         self._links = wire(nodes, self._model, self._report, self._is_outside, self._imported)
         for node in nodes:
             read_qos(node, self._report)
@@ -161,7 +163,7 @@ class _Planner:
                 self._configure(node)
         self._check_routes(nodes)
         self._check_waiting()
-        self._choice = choose([*self._configured, *self._programs], self._usable)
+        self._choice = choose([*_parts(self._configured), *_parts(self._programs)], self._usable)
         if addresses := self._host_addresses(ordered):
             self._place_interfaces(ordered, addresses)
             self._wire_hosts(ordered, addresses)
@@ -459,6 +461,10 @@ class _Planner:
             yield assignment, network
         if port := placing.port(node.instance):
             yield from ((assignment, network) for assignment in _at_port(port))
+        if node.component.named:
+            yield "offers={}", network
+        for name, provided in node.offers.items():
+            yield from ((f"offers.{name}.{each.name}={{}}", network) for each in provided)
         for used, (source, *others) in node.wires.items():
             yield f"ports.{used}.from={source}", network
             if others:
@@ -528,6 +534,10 @@ class _Planner:
             origin = document.overridden(each.key) if each.key else ""
             if not self._blames(origin, each.code, each.message, "", node):
                 self._report.extend([_complaint(node, config, document, each)])
+        for name in (checked.offers or {}).keys() - node.offers.keys():
+            message = f"`{node.name}` is configured ({document.place(('offers', name))}) to offer `{name}`"
+            hint = f"write in its block, for example: offers {name} : {node.component.named[0].interface.short};"
+            self._error("wrong-offers", f"{message}, which the network does not declare", at, hint)
         if complaints:
             return
         middleware = generated_for(node.linked.path.parent)
@@ -572,7 +582,7 @@ class _Planner:
 
     def _outside(self) -> Iterator[str]:
         """What is found outside of the network, in words."""
-        by_channel = ByChannel([*self._configured, *self._programs])
+        by_channel = ByChannel([*_parts(self._configured), *_parts(self._programs)])
         for each in self._configured:
             for port, name in each.operations(providing=False):
                 for aim in each.aims(port, name):
@@ -582,11 +592,13 @@ class _Planner:
                         yield f"`{each.name}` finds `{port.label}` over {over} outside of the network: {proxy}"
 
     def _check_routes(self, nodes: Sequence[Node]) -> None:
+        parts, programs = _parts(self._configured), _parts(self._programs)
         named = {node.name: node for node in nodes}
+        named = {each.name: named[each.runs_as] for each in (*parts, *programs)} | named
         channels = {each.name.text: placing.channels(self._model, each) for each in self._model.instances}
-        channels.update((each.name, each.channels) for each in (*self._configured, *self._programs))
-        faults = check_routes(self._configured, channels.values(), self._unfit)
-        unkept = (*unsupported(self._configured), *unsupported_by_others(self._configured))
+        channels.update((each.name, each.channels) for each in (*parts, *programs))
+        faults = check_routes(parts, channels.values(), self._unfit)
+        unkept = (*unsupported(parts), *unsupported_by_others(parts))
         for fault in (*faults, *worth_telling(unkept)):
             blame = [("the publisher", named[fault.other].instance.name)] if fault.other else []
             node = named[fault.instance]
@@ -651,6 +663,7 @@ class _Planner:
                 each.settings.transports,
                 {name: each.interfaces_over(name, provided.get(each.name, ())) for name in over},
                 frozenset(filter(each.has_topics_over, over)),
+                placing.ports_of_offers(named[each.name].instance),
                 each.document.peers,
             )
             for each in (*self._configured, *self._programs)
@@ -707,11 +720,11 @@ class _Planner:
 
     def _requirements(self) -> Iterator[Requirement]:
         """The instances that each instance waits for at its start."""
-        by_channel = ByChannel(self._configured)
+        by_channel = ByChannel(_parts(self._configured))
         for client in self._configured:
             for port, operation in client.operations(providing=False):
                 own, *_ = client.aims(port, operation)
-                servers = [server.name for server, offers in providers(client, port, own, by_channel) if offers]
+                servers = [server.runs_as for server, offers in providers(client, port, own, by_channel) if offers]
                 if port.verb is Verb.REQUIRES and len(servers) == 1:
                     yield Requirement(client.name, port.interface.short, servers[0])
 
@@ -750,8 +763,13 @@ def _at_port(port: int, provider: Configured | None = None) -> Iterator[str]:
 
 def _provides_over(middleware: str, each: Configured) -> bool:
     """Whether a middleware carries anything that it provides."""
-    provided = each.operations(providing=True)
-    return any(middleware in each.settings.middlewares(*at, each.generated_for) for at in provided)
+    provided = ((part, at) for part in each.parts for at in part.operations(providing=True))
+    return any(middleware in part.settings.middlewares(*at, part.generated_for) for part, at in provided)
+
+
+def _parts(configured: Iterable[Configured]) -> list[Configured]:
+    """The instances, each without its named instances, and these."""
+    return [part for each in configured for part in each.parts]
 
 
 def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -62,6 +62,43 @@ class Configured:
     """Which host it runs on; "" for the one that launches the network."""
     carriers: Mapping[str, str] = field(default_factory=dict)
     """The middlewares that the network names for single links, by the name of the port that uses."""
+    owner: str = ""
+    """The instance that offers it, if it is a named instance."""
+
+    @cached_property
+    def parts(self) -> tuple[Configured, ...]:
+        """The instance with what it provides by its own name, and each of its named instances."""
+        if not self.component.named:
+            return (self,)
+        ports = tuple(port for port in self.component.ports if not port.each)
+        own = replace(self, component=replace(self.component, ports=ports))
+        return (own, *(self._named(name) for name in self.settings.offers or ()))
+
+    def _named(self, name: str) -> Configured:
+        ports = tuple(port for port in self.component.named if name in (self.settings.offered(port) or ()))
+        return replace(
+            self,
+            name="/".join((*self.name.split("/")[:-1], name)),
+            component=replace(self.component, ports=ports),
+            settings=self.settings.of(name),
+            owner=self.name,
+        )
+
+    @property
+    def runs_as(self) -> str:
+        """The instance of the network that it is, or is a part of."""
+        return self.owner or self.name
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """The key of the settings of its ports: `ports`, or `offers.front` for a named instance."""
+        return ("offers", self.instance) if self.owner else ("ports",)
+
+    def place(self, *key: str) -> str:
+        """Where something is set for one of its ports, for people."""
+        own = (*self.tables, *key)
+        is_own = self.document.overridden(own) or self.document.says(own)
+        return self.document.place(own if is_own else ("ports", *key))
 
     @cached_property
     def instance(self) -> str:
@@ -90,20 +127,25 @@ class Configured:
 
     def middlewares(self) -> set[str]:
         """All middlewares that it will open, including that of its own `CommonBehavior`."""
-        operations = (*self.operations(providing=True), *self.operations(providing=False))
-        ways = {way for at in operations for way in self.settings.middlewares(*at, self.generated_for)}
+        ways = {
+            way
+            for part in self.parts
+            for port, operation, _ in part.patterns()
+            for way in part.settings.middlewares(port, operation, self.generated_for)
+        }
         return (ways | {carrier(self.settings.middleware, self.generated_for)}) - {""}
 
     def is_with(self, other: Configured) -> bool:
         """Whether both run in one process."""
-        return self is other or bool(self.process and (self.process, self.host) == (other.process, other.host))
+        shared = bool(self.process and (self.process, self.host) == (other.process, other.host))
+        return shared or self.runs_as == other.runs_as
 
     def origin(self, port: Port, operation: str) -> str:
         """Where that middleware was chosen, for people."""
         for key in ((port.name, operation), (port.name,)):
             chosen = self.settings.ports.get(key)
             if chosen and chosen.middleware:
-                return self.document.place(("ports", *key, "middleware"))
+                return self.place(*key, "middleware")
         if port.middleware:
             return "its model"
         return self.document.place(("middleware",)) if self.settings.middleware else "generated for it"
@@ -115,7 +157,7 @@ class Configured:
         """Where that QoS is set, as people read it behind a name; "" if its model says so."""
         for key in ((port.name, operation), (port.name,)):
             if (chosen := self.settings.ports.get(key)) and chosen.qos:
-                return f" ({self.document.place(('ports', *key, 'qos'))})"
+                return f" ({self.place(*key, 'qos')})"
         return ""
 
     def source(self, port: Port, aim: Aim) -> tuple[str, str, str]:
@@ -142,24 +184,31 @@ class Configured:
                 yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
 
     def interfaces_over(self, middleware: str, ways: Iterable[Carried]) -> list[str]:
-        """What channels call the interfaces that it implements over a middleware, by its settings or by these ways."""
-        over = (
-            way for way in ways if (way.middleware, way.provider) == (middleware, self.name) and not way.verb.is_topic
-        )
-        used = {names.segment(way.channel) for way in over}
+        """What channels call the interfaces that it implements over a middleware, by its settings or by these ways.
+
+        Those of a named instance have its name in front: `front/Laser`.
+        """
+        over = [way for way in ways if (way.middleware, way.provider) == (middleware, self.name)]
+        used = {names.within(way.named, names.segment(way.channel)) for way in over if not way.verb.is_topic}
         found = []
-        for port in self.component.ports:
-            if port.verb is Verb.IMPLEMENTS and (segment := self.component.segment(port)):
-                operations = [operation.name for operation, _ in port.interface.under(port.verb)]
-                chosen = (self.settings.middlewares(port, name, self.generated_for) for name in operations)
-                if segment in used or any(middleware in each for each in chosen):
-                    found.append(segment)
+        for part in self.parts:
+            for port in part.component.ports:
+                if port.verb is Verb.IMPLEMENTS:
+                    name = names.within(part.instance if part.owner else "", part.component.segment(port))
+                    operations = [operation.name for operation, _ in port.interface.under(port.verb)]
+                    chosen = (part.settings.middlewares(port, each, part.generated_for) for each in operations)
+                    if name in used or any(middleware in each for each in chosen):
+                        found.append(name)
         return found
 
     def has_topics_over(self, middleware: str) -> bool:
         """Whether it publishes or subscribes over a middleware."""
-        topics = ((port, name) for port, name, pattern in self.patterns() if pattern is Pattern.PUBLISH)
-        return any(middleware in self.settings.middlewares(*at, self.generated_for) for at in topics)
+        return any(
+            middleware in part.settings.middlewares(port, name, part.generated_for)
+            for part in self.parts
+            for port, name, pattern in part.patterns()
+            if pattern is Pattern.PUBLISH
+        )
 
     def offers(self, wanted: Port, segment: str | None = None) -> list[Port]:
         """Its ports that offer what a port of another instance uses; with a segment, those of that name in channels."""
@@ -262,7 +311,7 @@ def providers(
     """The instances whose channels a port looks for, with their ports that offer what it uses."""
     namespace, instance, segment = client.source(port, aim)
     for server in by_channel.called(namespace, instance):
-        if server is client and instance == names.ANY:
+        if server.runs_as == client.runs_as and instance == names.ANY:
             continue  # any instance is any other one
         yield server, server.offers(port, None if instance == names.ANY else segment)
 
@@ -317,12 +366,12 @@ def _check_aim(
         message = f"`{client.name}` ({origin}): {unknown('instance', instance, there)}"
         yield Fault("unknown-instance", message, "", client.name)
         return
-    for server, offers in providers(client, port, aim, by_channel):
-        if instance != names.ANY and not offers:
-            what = "implement" if port.verb is Verb.REQUIRES else "publish"
-            origin = client.document.place(("ports", port.name, aim.said))
-            message = f"`{client.name}` ({origin}): `{server.name}` does not {what} `{segment}`"
-            yield Fault("no-provider", message, "", client.name)
+    found = list(providers(client, port, aim, by_channel)) if instance != names.ANY else []
+    if found and not any(offers for _, offers in found):
+        what = "implement" if port.verb is Verb.REQUIRES else "publish"
+        origin = client.document.place(("ports", port.name, aim.said))
+        message = f"`{client.name}` ({origin}): `{found[0][0].name}` does not {what} `{segment}`"
+        yield Fault("no-provider", message, "", client.name)
 
 
 def unmet(

@@ -170,7 +170,7 @@ class Teller:
             return
         gone = {instance for name in names for instance in self._processes[name].instances}
         missed = dict.fromkeys(
-            f"{link.interface} of {link.provider} by {link.client}"
+            f"{link.interface} of {link.source} by {link.client}"
             for link in self._plan.links
             if link.provider in gone and link.client not in gone
         )

@@ -6,13 +6,13 @@ system around it, and so on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb, differences
 from ..dsl.ddsl.model import Deployment, Instance, Quality, Wiring
-from ..dsl.ddsl.scope import around
+from ..dsl.ddsl.scope import around, whole
 from ..dsl.diagnostics import Report, did_you_mean
 from ..dsl.source import Name
 from ..dsl.workspace import LinkedComponent
@@ -38,6 +38,8 @@ class Node:
     """The middlewares that the network names for single links, by the name of the port that uses."""
     qos: dict[str, Quality] = field(default_factory=dict)
     """What the network says, by the name of the port."""
+    offers: dict[str, tuple[Port, ...]] = field(default_factory=dict)
+    """The ports that each of its named instances provides, by the name in its system."""
     places: dict[str, Name] = field(default_factory=dict)
     """Where the network speaks of a port, by its name."""
 
@@ -72,18 +74,43 @@ def wire(
     `is_outside` tells whether a port without provider in the network has one elsewhere. `imported` are
     the components that the network may have instances of.
     """
-    named = {node.name: node for node in nodes}
     offers: dict[tuple[Verb, str], list[_Offer]] = {}
-    for node in nodes:
-        for port in node.component.ports:
-            offers.setdefault(_offers(port), []).append((node, port))
+    for each in (offer for node in nodes for offer in _offers_of(node)):
+        offers.setdefault(_offers(each.port), []).append(each)
+    named = {node.name for node in nodes} | {each.name for some in offers.values() for each in some}
     complete = len(nodes) == len(model.instances)
     return [
         link for node in nodes for link in _Wirer(node, named, offers, complete, report, is_outside, imported).links()
     ]
 
 
-_Offer = tuple[Node, Port]
+@dataclass(frozen=True)
+class _Offer:
+    """A port of an instance, and the name by which it is provided."""
+
+    node: Node
+    port: Port
+    named: str = ""
+    """The named instance, in its system; "" if the instance provides it by its own name."""
+
+    @property
+    def local(self) -> str:
+        return self.named or self.node.instance.local
+
+    @property
+    def name(self) -> str:
+        """The full name of what provides it."""
+        return whole(self.node.instance.system, self.local)
+
+    @property
+    def place(self) -> Name:
+        """Where the network speaks of it."""
+        return self.node.places.get(f"{self.named}/{self.port.name}") or self.node.instance.name
+
+
+def _offers_of(node: Node) -> Iterator[_Offer]:
+    yield from (_Offer(node, port) for port in node.component.ports if not port.each)
+    yield from (_Offer(node, port, name) for name, ports in node.offers.items() for port in ports)
 
 
 @dataclass
@@ -91,8 +118,8 @@ class _Wirer:
     """The uses of one instance."""
 
     node: Node
-    named: Mapping[str, Node]
-    """All of them."""
+    named: Set[str]
+    """All instances, and all named instances."""
     offers: Mapping[tuple[Verb, str], Sequence[_Offer]]
     """By what they do with which interface."""
     complete: bool
@@ -134,11 +161,11 @@ class _Wirer:
         node = self.node
         at = wiring.instance if wiring else node.instance.name
         if wiring:
-            named = self.named[wiring.instance.text]
-            offers = [(named, theirs) for theirs in named.component.ports if _offers(theirs) == _uses(port)]
+            offers = [offer for offer in self.offers.get(_uses(port), ()) if offer.name == wiring.instance.text]
             if not offers:
                 what = "implement" if port.verb is Verb.REQUIRES else "publish"
-                self._error("no-provider", f"`{wiring.instance}` does not {what} `{port.interface.short}`", at)
+                message = f"`{wiring.instance}` does not {what} `{port.interface.short}`"
+                self._error("no-provider", message, at, self._named_instead(port, wiring))
                 return
         else:
             offers = self._nearest(port)
@@ -146,39 +173,43 @@ class _Wirer:
             if not (self.is_outside and self.is_outside(node, port)):
                 self._report_no_provider(port)
             return
-        providers = {other.name: other for other, _ in offers}
+        providers = {offer.name: offer for offer in offers}
         if len(providers) > 1 and port.verb is Verb.REQUIRES:
             self._report_several(port, providers)
             return
-        for other, theirs in offers:
-            self._check_match(port, other, theirs, at)
-            yield Link(port.interface.short, other.name, node.name, port.verb)
+        for offer in offers:
+            self._check_match(port, offer.node, offer.port, at)
+            yield Link(port.interface.short, offer.node.name, node.name, port.verb, offer.named)
         if len(providers) == 1:
-            other, theirs = offers[0]
-            node.wires[port.name] = (self._source(port, other, theirs),)
-        elif any(other.namespace != node.namespace for other in providers.values()):
-            sources = dict.fromkeys(self._source(port, *offer) for offer in offers)
+            node.wires[port.name] = (self._source(port, offers[0]),)
+        elif any(offer.node.namespace != node.namespace for offer in offers):
+            sources = dict.fromkeys(self._source(port, offer) for offer in offers)
             node.wires[port.name] = tuple(sources)  # "any instance" would be one of the own system
 
     def _nearest(self, port: Port) -> list[_Offer]:
         """Its providers in the same system, or else in the one around it, and so on."""
-        offers = [offer for offer in self.offers.get(_uses(port), ()) if offer[0] is not self.node]
+        offers = [offer for offer in self.offers.get(_uses(port), ()) if offer.node is not self.node]
         for system in around(self.node.instance.system):
-            if near := [each for each in offers if each[0].instance.system[: len(system)] == system]:
+            if near := [each for each in offers if each.node.instance.system[: len(system)] == system]:
                 return near
         return []
 
-    def _source(self, port: Port, other: Node, theirs: Port) -> str:
-        segment = other.component.segment(theirs)
+    def _source(self, port: Port, offer: _Offer) -> str:
+        segment = offer.node.component.segment(offer.port)
         here = self.node.namespace, port.interface.short
-        return names.target(other.namespace, other.instance.local, segment, *here)
+        return names.target(offer.node.namespace, offer.local, segment, *here)
 
-    def _report_several(self, port: Port, providers: Mapping[str, Node]) -> None:
+    def _named_instead(self, port: Port, wiring: Wiring) -> str:
+        """A hint for an instance that provides an interface as named instances only; "" for others."""
+        offers = [each for each in self.offers.get(_uses(port), ()) if each.node.name == wiring.instance.text]
+        return " or ".join(f"{port.verb} {port.label} from {each.name};" for each in offers)
+
+    def _report_several(self, port: Port, providers: Mapping[str, _Offer]) -> None:
         said = ", ".join(f"`{name}`" for name in providers)
         likely = list(providers)[min(int(port.number or 0), len(providers) - 1)]
         hint = f"write in its block: requires {port.label} from {likely};"
         message = f"several instances implement `{port.label}` for `{self.node.name}`: {said}"
-        ones = [("one of them", other.instance.name) for other in providers.values()]
+        ones = [("one of them", each.place) for each in providers.values()]
         self._error("ambiguous-provider", message, self.node.instance.name, hint, *ones)
 
     def _report_no_provider(self, port: Port) -> None:

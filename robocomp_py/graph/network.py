@@ -109,8 +109,9 @@ def _edges(plan: Plan) -> Iterator[Edge]:
         ends = (link.provider, link.client) if link.verb.is_topic else (link.client, link.provider)
         for middleware in _middlewares(plan, link) or [""]:
             interfaces = found.setdefault((*ends, link.verb.is_topic, middleware), [])
-            if link.interface not in interfaces:
-                interfaces.append(link.interface)
+            name = f"{link.named}/{link.interface}" if link.named else link.interface
+            if name not in interfaces:
+                interfaces.append(name)
     for key, interfaces in found.items():
         yield Edge(*key, tuple(interfaces))
 
@@ -120,7 +121,7 @@ def _middlewares(plan: Plan, link: Link) -> list[str]:
         dict.fromkeys(
             way.middleware
             for way in plan.ways
-            if (way.client, way.provider, way.verb) == (link.client, link.provider, link.verb)
+            if (way.client, way.source, way.verb) == (link.client, link.source, link.verb)
             and way.interface.rpartition(".")[2] == link.interface
         )
     )

@@ -43,6 +43,7 @@ _SYMBOLS = {
     Kind.HOST: lsp.SymbolKind.Constant,
     Kind.SYSTEM: lsp.SymbolKind.Namespace,
     Kind.INSTANCE: lsp.SymbolKind.Object,
+    Kind.NAMED: lsp.SymbolKind.Object,
     Kind.MACHINE: lsp.SymbolKind.Class,
     Kind.STATE: lsp.SymbolKind.EnumMember,
 }
@@ -54,6 +55,7 @@ _COMPLETIONS: dict[str, lsp.CompletionItemKind] = {
     Kind.INTERFACE: lsp.CompletionItemKind.Interface,
     **dict.fromkeys((Kind.COMPONENT, Kind.EXCEPTION), lsp.CompletionItemKind.Class),
     Kind.INSTANCE: lsp.CompletionItemKind.Variable,
+    Kind.NAMED: lsp.CompletionItemKind.Variable,
     Kind.HOST: lsp.CompletionItemKind.Constant,
     "keyword": lsp.CompletionItemKind.Keyword,
     "file": lsp.CompletionItemKind.File,

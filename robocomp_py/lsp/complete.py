@@ -296,13 +296,16 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     words = place.words
     last = words[-1] if words else ""
     symbols = list(place.index.visible(place.path))
-    if last == ":" or (last == "Component" and len(words) == 1):
+    if words[:1] == ["offers"]:
+        if last in (":", ","):
+            yield from _offerable(place, symbols)
+    elif last == ":" or (last == "Component" and len(words) == 1):
         yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
     elif words[:1] == ["dependences"] and last in ("dependences", ","):
         own = place.blocks[-1].head[1] if len(place.blocks[-1].head) > 1 else ""
-        yield from (each for each in _instances(place, symbols) if each.label != own)
+        yield from (each for each in _instances(place, symbols, Kind.INSTANCE) if each.label != own)
     elif words == ["clock"]:
-        yield from _instances(place, symbols)
+        yield from _instances(place, symbols, Kind.INSTANCE)
     elif words[:1] == ["clock"] and _open_call(words):
         yield from (Candidate(word, "word") for word in CLOCK_SETTINGS if last in ("(", ","))
     elif words == ["host"]:
@@ -330,30 +333,44 @@ _TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)
 
 def _wireable(place: _Place, verb: str, symbols: list[Symbol]) -> Iterator[Candidate]:
     """The interfaces that the component of this instance uses with a verb."""
+    for port in _ports(place, symbols):
+        used, interface, *_ = port.split()
+        if used == verb:
+            yield Candidate(interface, Kind.INTERFACE, port, rank=0)
+
+
+def _offerable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """The interfaces that the component of this instance provides by named instances."""
+    for port in _ports(place, symbols):
+        _, interface, *each = port.split()
+        if each and interface not in place.words:
+            yield Candidate(interface, Kind.INTERFACE, port, rank=0)
+
+
+def _ports(place: _Place, symbols: list[Symbol]) -> Iterator[str]:
+    """The ports of the component of this instance: `implements Laser each`."""
     head = place.blocks[-1].head
     kind = (head[3] if head[2:3] == [":"] and len(head) > 3 else head[1] if len(head) > 1 else "").lower()
     for component in _of(symbols, Kind.COMPONENT):
         if component.name.text.lower() == kind:
-            for port in component.detail.split(", "):
-                used, _, interface = port.partition(" ")
-                if used == verb:
-                    yield Candidate(interface, Kind.INTERFACE, port, rank=0)
+            yield from filter(None, component.detail.split(", "))
 
 
 def _providers(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
-    """Instances; first those whose component provides the interface."""
+    """Instances and named instances; first those that provide the interface."""
     verb = "implements" if place.first == "requires" else "publishes"
     interface = place.words[1].rstrip("0123456789") if len(place.words) > 2 else ""
     components = _of(symbols, Kind.COMPONENT)
     offering = {each.name.text.lower() for each in components if f"{verb} {interface}" in each.detail.split(", ")}
-    for each in _instances(place, symbols):
-        yield replace(each, rank=0 if each.detail.lower() in offering else 3)
+    for each in _instances(place, symbols, Kind.INSTANCE, Kind.NAMED):
+        provides = interface in each.detail.split(", ") if each.kind == Kind.NAMED else each.detail.lower() in offering
+        yield replace(each, rank=0 if provides else 3)
 
 
-def _instances(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
+def _instances(place: _Place, symbols: list[Symbol], *kinds: Kind) -> Iterator[Candidate]:
     """All of the network, as they are named from here."""
     systems = tuple(block.head[1] for block in place.blocks if block.head[:1] == ["System"] and len(block.head) > 1)
-    names = {"/".join((*each.within.split("::")[1:], each.name.text)): each for each in _of(symbols, Kind.INSTANCE)}
+    names = {"/".join((*each.within.split("::")[1:], each.name.text)): each for each in _of(symbols, *kinds)}
     for whole, each in names.items():
         parts = whole.split("/")
         ways = ("/".join(parts[-count:]) for count in range(1, len(parts) + 1))

@@ -20,7 +20,17 @@ _MOST_LINES = 24
 
 _MOST_FILES = 8
 
-_WHOLE = (Kind.STRUCT, Kind.ENUM, Kind.EXCEPTION, Kind.INTERFACE, Kind.SEQUENCE, Kind.DICTIONARY, Kind.CONST, Kind.HOST)
+_WHOLE = (
+    Kind.STRUCT,
+    Kind.ENUM,
+    Kind.EXCEPTION,
+    Kind.INTERFACE,
+    Kind.SEQUENCE,
+    Kind.DICTIONARY,
+    Kind.CONST,
+    Kind.HOST,
+    Kind.NAMED,
+)
 """Kinds that are shown with the text of their files."""
 
 
@@ -120,6 +130,7 @@ NETWORK_WORDS = {
     "local": "only this user on this machine takes part: loopback, sockets and shared memory of one folder",
     "lan": "only processes with a key take part, and everything is encrypted: see `rcdeploy keys`",
     "open": "every process that reaches the network takes part",
+    "offers": "the component provides these interfaces under a further name, as another instance",
     "notifies": "the program tells by sd_notify(3) when it is ready, and others wait for that",
     "stop": "processes on the host end when the launcher of the network is gone",
     "keep": "processes on the host go on when the launcher of the network is gone",

@@ -7,12 +7,12 @@ by its possible `kinds` and, if it matters, by its owner (`within`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ..dsl.cdsl.model import Component, Timer
-from ..dsl.ddsl.model import Deployment, Instance, System
+from ..dsl.ddsl.model import Deployment, Instance, Offer, System
 from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.pdsl import model as pdsl
@@ -48,6 +48,7 @@ class Kind(StrEnum):
     HOST = "host"
     SYSTEM = "system"
     INSTANCE = "instance"
+    NAMED = "named instance"
     MACHINE = "state machine"
     STATE = "state"
 
@@ -262,7 +263,7 @@ def _last(name: Name) -> Name:
 
 
 def _of_component(model: Component) -> Outline:
-    ports = ", ".join(f"{item.verb} {item.interface}" for item in model.items)
+    ports = ", ".join(f"{item.verb} {item.interface}{' each' if item.each else ''}" for item in model.items)
     links = [Link(each, ".idsl") for each in model.imports]
     links += [Link(clause.names[0]) for kind in ("params", "statemachine") for clause in model.all(kind)]
     timers = tuple(_timer(each, model.name.text) for each in model.timers)
@@ -329,11 +330,12 @@ def _of_deployment(model: Deployment) -> Outline:
     )
     children = (*hosts, *_parts(model, ()))
     named = (*(each.host for each in model.systems), *(each.host for each in model.instances))
+    further = {offer.name.text for each in model.instances for offer in _further(each)}
     return Outline(
         model.source,
         (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=children),),
         (
-            *(use for each in model.instances for use in _uses_of_instance(each, within)),
+            *(use for each in model.instances for use in _uses_of_instance(each, within, further)),
             *(_uses_of_whole(model.clock.leader, within) if model.clock else ()),
             *(Use(name, (Kind.HOST,), within) for name in named if name),
         ),
@@ -353,12 +355,24 @@ def _parts(model: Deployment, system: tuple[str, ...]) -> Iterator[Symbol]:
         path = tuple(each.name.text.split("/"))
         name = Name(path[-1], each.name.span)
         if isinstance(each, Instance):
-            yield Symbol(Kind.INSTANCE, name, within, each.span, detail=each.component.text)
+            offers = tuple(_offer(offer, within) for offer in _further(each))
+            yield Symbol(Kind.INSTANCE, name, within, each.span, detail=each.component.text, children=offers)
         else:
             yield Symbol(Kind.SYSTEM, name, within, each.span, children=tuple(_parts(model, path)))
 
 
-def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
+def _further(instance: Instance) -> list[Offer]:
+    """The named instances of an instance that have another name than it."""
+    return [offer for offer in instance.offers if offer.name.text != instance.name.text]
+
+
+def _offer(offer: Offer, within: str) -> Symbol:
+    interfaces = ", ".join(map(str, offer.interfaces))
+    return Symbol(Kind.NAMED, Name(offer.local, offer.name.span), within, offer.span, detail=interfaces)
+
+
+def _uses_of_instance(instance: Instance, within: str, named: Set[str]) -> Iterator[Use]:
+    """`named` has all named instances of the network."""
     yield Use(instance.component, (Kind.COMPONENT,), "", implied=instance.kind is None)
     for name in instance.dependences:
         yield from _uses_of_whole(name, within)
@@ -366,18 +380,41 @@ def _uses_of_instance(instance: Instance, within: str) -> Iterator[Use]:
         yield Use(_without_number(port), (Kind.INTERFACE,))
         if re.search(r"\d$", port.text):
             yield Use(port, (Kind.INTERFACE,))
+    for offer in instance.offers:
+        yield from (Use(each, (Kind.INTERFACE,)) for each in offer.interfaces)
+        if offer.name.text == instance.name.text:
+            yield from _uses_of_whole(offer.name, within)
     for wiring in instance.wirings:
-        yield from _uses_of_whole(wiring.instance, within)
+        if wiring.instance.text in named:
+            yield from _uses_of_named(wiring.instance, within)
+        else:
+            yield from _uses_of_whole(wiring.instance, within)
 
 
 def _uses_of_whole(name: Name, within: str) -> Iterator[Use]:
     """The uses in a written instance name: its systems and the instance itself."""
-    path = name.text.split("/")
+    *systems, _ = name.text.split("/")
+    return _uses_of_path(name, (*_systems(systems), (Kind.INSTANCE, systems)), within)
+
+
+def _uses_of_named(name: Name, within: str) -> Iterator[Use]:
+    """The uses in `left/front` or `left/world/front`: its systems, the instance that offers it, and itself."""
+    *systems, _ = name.text.split("/")
+    is_short = f"/{name.text}".endswith(f"/{name.span.text.lstrip('/')}")
+    offering = [] if is_short else [(Kind.INSTANCE, systems)]
+    return _uses_of_path(name, (*_systems(systems), *offering, (Kind.NAMED, systems)), within)
+
+
+def _systems(path: list[str]) -> Iterator[tuple[Kind, list[str]]]:
+    return ((Kind.SYSTEM, path[:depth]) for depth in range(len(path)))
+
+
+def _uses_of_path(name: Name, path: Sequence[tuple[Kind, list[str]]], within: str) -> Iterator[Use]:
+    """The uses in a name, of whose full form `path` has each part's kind and the systems around it."""
     written = list(re.finditer(r"\w+", name.span.text))
-    for number, found in enumerate(written, len(path) - len(written)):
+    for found, (kind, systems) in zip(written, path[-len(written) :], strict=True):
         span = name.span.source.span(name.span.start + found.start(), name.span.start + found.end())
-        kind = Kind.INSTANCE if number == len(path) - 1 else Kind.SYSTEM
-        yield Use(Name(found[0], span), (kind,), "::".join((within, *path[:number])))
+        yield Use(Name(found[0], span), (kind,), "::".join((within, *systems)))
 
 
 def _without_number(port: Name) -> Name:

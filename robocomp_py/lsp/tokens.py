@@ -56,6 +56,7 @@ _OF_KINDS = {
     Kind.HOST: "variable",
     Kind.SYSTEM: "namespace",
     Kind.INSTANCE: "variable",
+    Kind.NAMED: "variable",
     Kind.MACHINE: "class",
     Kind.STATE: "enumMember",
 }

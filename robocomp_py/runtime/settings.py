@@ -158,6 +158,15 @@ class Settings:
                     base = table[key].under(base)
         return base
 
+    def of(self, instance: str) -> Settings:
+        """The settings of a named instance, as those of a component that provides its ports by its own name."""
+        ports = dict(self.ports)
+        offered = (self.offers or {}).get(instance, {})
+        for key, chosen in sorted(offered.items(), key=lambda each: len(each[0])):
+            for each in {key, *(known for known in ports if known[: len(key)] == key)}:
+                ports[each] = chosen.under(ports.get(each, PortSettings()))
+        return replace(self, instance=instance, ports=ports, offers=None)
+
     def offered(self, port: Port) -> frozenset[str] | None:
         """The names of the instances that may provide a port; None if all may."""
         if self.offers is None:
@@ -593,7 +602,7 @@ _CLOCK_KEYS = ("leader", "followers", "speed", "lost")
 _OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
 """Keys of earlier versions, which are still accepted with a warning."""
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
-_KEY = re.compile(r"([A-Za-z0-9_-]+)((?:\[\d+\])*)")
+_KEY = re.compile(r'([A-Za-z0-9_-]+|"[^".=]+")((?:\[\d+\])*)')
 
 
 def _parse_key(text: str) -> Key:
@@ -602,7 +611,7 @@ def _parse_key(text: str) -> Key:
         found = _KEY.fullmatch(piece)
         if not found:
             raise ConfigurationError(f"--set {text}: `{piece}` is not a valid key")
-        parts.append(found[1])
+        parts.append(found[1].strip('"'))
         parts += [int(number) for number in re.findall(r"\d+", found[2])]
     return tuple(parts)
 
@@ -680,6 +689,6 @@ def _put(data: dict[str, Any], key: Key, value: Any, origin: str) -> None:
             raise ConfigurationError(f"{origin}: {dotted(key[:depth])} is not a table")
         elif part not in table:
             table[part] = inner
-        if depth == len(key) - 1:
+        if depth == len(key) - 1 and (value != {} or not isinstance(table[part], dict)):  # {} adds nothing to a table
             table[part] = value
         table = table[part]

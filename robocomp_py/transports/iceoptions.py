@@ -5,7 +5,8 @@
     storm = "IceStorm/TopicManager:tcp -p 9999"
     message_size_max = 67108864              bytes
     [transports.ice.endpoints]               where what is provided is served; else at a port that is free
-    Laser = "tcp -p 10003"                   by interface, `Laser1` for the second one
+    Laser = "tcp -p 10003"                   by interface, `Laser1` for the second one; `front/Laser` for that of a
+                                             named instance
     LaserPubTopic = "tcp -p 0"               where publications arrive, as RoboComp calls that
     [transports.ice.proxies]                 where what is used is found, if not in the directory
     base = "laser:tcp -h 10.0.0.2 -p 10003"  by the instance that `from` names: `base/Laser` for one of its interfaces,
@@ -192,7 +193,8 @@ class IceOptions:
 
     def endpoint_of(self, channel: str) -> str | None:
         """Where an operation is served that we provide, if the options say so."""
-        return self.endpoints.get(names.segment(channel))
+        named = f"{names.instance(channel)}/{names.segment(channel)}"
+        return self.endpoints.get(named) or self.endpoints.get(names.segment(channel))
 
     def subscriber_endpoint_of(self, channel: str) -> str | None:
         """Where publications of a channel arrive, if the options say so."""

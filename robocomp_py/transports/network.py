@@ -49,6 +49,13 @@ class Way:
     """The name that the client looks for: that of the channel, or one with `*` where any instance will do."""
     origin: str = ""
     """Which instance names the middleware, and where it does; "" if rcdeploy chose it."""
+    named: str = ""
+    """The named instance of the provider, in its system; "" if the provider offers it by its own name."""
+
+    @property
+    def source(self) -> str:
+        """What is used, for people: `world`, or `world/front` for a named instance."""
+        return f"{self.provider}/{self.named}" if self.named else self.provider
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,8 @@ class Site:
     """Of each transport whose interfaces have ports of their own: those that are called over it, in their order."""
     topics: frozenset[str] = frozenset()
     """Those of these transports over which the instance publishes or subscribes."""
+    ports: Mapping[str, int] = field(default_factory=dict)
+    """Those that the network gives to named instances, by the named instance."""
     peers: Mapping[str, str] = field(default_factory=dict)
     """What a configuration in another form says about the ports of the instance."""
 

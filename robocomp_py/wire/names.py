@@ -61,6 +61,11 @@ def segment(channel: str) -> str:
     return channel.split("/")[-2]
 
 
+def within(named: str, segment: str) -> str:
+    """An interface among all that a component provides: `Laser`, or `front/Laser` of a named instance."""
+    return f"{named}/{segment}" if named else segment
+
+
 def operation(channel: str) -> str:
     return channel.rpartition("/")[2]
 

@@ -259,7 +259,7 @@ def test_whether_a_process_is_started_again_is_said_by_it_or_by_its_network(fold
 def test_every_clause_of_an_instance_is_read_into_its_process() -> None:
     """A clause that sets a field of its own is in `placing`; the others are parts of the fields below."""
     parts = {
-        "command": ("path", "existing", "config", "args", "middleware", "wirings", "qos", "port"),
+        "command": ("path", "existing", "config", "args", "middleware", "wirings", "qos", "port", "offers"),
         "name": ("name", "process"),
         "component": ("kind",),
         "after": ("dependences",),

@@ -96,6 +96,7 @@ AROUND = {
         "Existing": IN_INSTANCE,
         "Notifies": IN_INSTANCE.replace("%s", 'existing "sleep 60"; %s'),
         "Grace": IN_INSTANCE,
+        "Named instance": IN_INSTANCE,
         "Clock": "Deployment test { %s Component world : world { }; };",
     },
     "smdsl": {

@@ -223,6 +223,33 @@ def test_a_qos_is_written_with_what_fits(editor: Editor, clause: str, expected: 
     assert not absent & found
 
 
+@pytest.mark.parametrize(
+    ("clause", "expected", "absent"),
+    [
+        ("offers side : |;", {"Laser", "LaserPub"}, {"BatteryStatusPub", "arm"}),
+        ("offers side : Laser, |;", {"LaserPub"}, {"Laser"}),
+        ("offers |;", set(), {"Laser", "left"}),
+        ("offers side : Laser |;", {"port"}, {"LaserPub"}),
+    ],
+)
+def test_a_named_instance_is_written_with_what_fits(
+    editor: Editor, clause: str, expected: set[str], absent: set[str]
+) -> None:
+    imports = "".join(f'import "{name}.idsl";' for name in ("Laser", "LaserPub", "BatteryStatusPub"))
+    ports = "implements Laser each; publishes LaserPub each, BatteryStatusPub;"
+    editor.open("arm/arm.cdsl", f"{imports} Component arm {{ Communications {{ {ports} }}; language python; }};")
+    found = set(items(editor, "d.ddsl", NETWORK % f"Component b : arm {{ {clause} }};"))
+    assert expected <= found
+    assert not absent & found
+
+
+def test_named_instances_are_proposed_as_providers(editor: Editor) -> None:
+    inside = "Component b : arm { offers front : Arm; offers eye : Laser; }; Component chess { requires Arm from |; };"
+    found = list(items(editor, "d.ddsl", NETWORK % inside))
+    assert found.index("front") < found.index("eye")
+    assert "b/front" not in found
+
+
 def test_providers_of_the_interface_come_first(editor: Editor) -> None:
     found = items(editor, "d.ddsl", NETWORK % "Component chess { requires Arm from |; };")
     assert list(found) == ["left", "chess"]

@@ -50,6 +50,7 @@ FIXABLE = {
     "unknown-type",
     UNUSED_IMPORT,
     "wrong-each",
+    "wrong-offers",
 }
 """Codes of which some diagnostics say what is right: a name that is close, a word that is missing or too many."""
 
@@ -95,6 +96,7 @@ NOT_FIXABLE = {
     "insecure",
     "leaves-end-state",
     "middleware-mismatch",
+    "missing-offers",
     "no-address",
     "no-initial-state",
     "no-states",

@@ -348,4 +348,37 @@ def test_hovering_explains_every_word_that_a_clause_of_a_network_offers() -> Non
     grammar = (files("robocomp_py.dsl.ddsl") / "grammar.lark").read_text(encoding="utf-8")
     offered = {word for rule in re.findall(r"^!.*", grammar, re.M) for word in re.findall(r'"(\w+)"', rule)}
     verbs = {"requires", "subscribesTo", "publishes"}
-    assert NETWORK_WORDS.keys() - {"notifies"} == (offered - verbs) | DEFAULTS.keys()
+    assert NETWORK_WORDS.keys() - {"notifies", "offers"} == (offered - verbs) | DEFAULTS.keys()
+
+
+RING = 'import "Laser.idsl"; Component ring { Communications { implements Laser each; }; language python; };'
+HOUSE = """\
+import "ring.cdsl";
+Deployment house
+{
+    System left
+    {
+        Component world : ring { offers front : Laser; };
+        Component user : ring { requires Laser from world/front; };
+    };
+    Component far : ring { requires Laser from left/front; };
+};
+"""
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("offers fr|ont", "offers front : Laser;"),
+        ("from world/fro|nt", "named instance of `house::left`"),
+        ("from wor|ld/front", "Component world : ring"),
+        ("from left/fr|ont", "offers front : Laser;"),
+        ("from le|ft/front", "system of `house`"),
+        ("front : La|ser", "interface"),
+        ("off|ers", "under a further name"),
+    ],
+)
+def test_hovering_a_named_instance_shows_where_it_is_declared(editor: Editor, marked: str, expected: str) -> None:
+    editor.open("ring.cdsl", RING)
+    editor.open("house.ddsl", HOUSE)
+    assert expected in said(editor, "house.ddsl", marked)

@@ -13,12 +13,13 @@ from ..source import Name
 from . import model as m
 from .clocks import check_clock
 from .hosts import check_hosts
+from .offers import check_offers
 from .order import process_dependences, processes_of, start_order
 from .programs import check_notifies, check_program
 from .restarts import check_restarts, read_restart
-from .scope import HERE, host_of, meanings, restart_of
+from .scope import HERE, host_of, meanings, offered, restart_of
 
-_MANY = ("dependences", "env", "args", "wiring", "qos")
+_MANY = ("dependences", "env", "args", "wiring", "qos", "offers")
 """Clauses that may be repeated."""
 
 
@@ -27,6 +28,7 @@ def check(model: m.Deployment, report: Report) -> None:
     for block in (*blocks, *model.systems, *model.instances):
         _check_once(block.clauses, report)
     _check_names(model, report)
+    check_offers(model, report)
     check_hosts(model, report)
     check_restarts(model, report)
     _check_named(model, report)
@@ -65,12 +67,20 @@ def _check_names(model: m.Deployment, report: Report) -> None:
 def _check_named(model: m.Deployment, report: Report) -> None:
     """Check that instances that others wait for or use exist, unless a syntax error may have hidden them."""
     known = {instance.name.text: instance.name for instance in model.instances}
+    offers = offered(model.instances)
+    providers = {offer.name.text: offer.name for instance in model.instances for offer in instance.offers} | known
+    written = {*known, *offers.values()}
+    providers |= {alias: providers[name] for alias, name in offers.items()}
+    owners = {offer.name.text: instance.name for instance in model.instances for offer in instance.offers}
     for instance in model.instances:
-        for name in (*instance.dependences, *(wiring.instance for wiring in instance.wirings)):
-            if name.text in known:
-                _check_meaning(instance, name, known, report)
+        used = [(name, known) for name in instance.dependences]
+        for name, there in (*used, *((wiring.instance, providers) for wiring in instance.wirings)):
+            if name.text in there:
+                _check_meaning(instance, name, there, report)
             elif not model.skipped.intersection(name.text.split("/")):
-                hint = did_you_mean(name.text, known) or _elsewhere(name.text, known)
+                hint = did_you_mean(name.text, there) or _elsewhere(name.text, written & there.keys())
+                if owner := owners.get(offers.get(name.text, "")):
+                    hint = f"`{owner}` offers it: write `{owner}`"
                 report.error("unknown-instance", f"unknown instance `{name}`", name.span, hint)
 
 
@@ -85,6 +95,7 @@ def _elsewhere(name: str, known: Iterable[str]) -> str:
 def _check_meaning(instance: m.Instance, name: Name, known: Mapping[str, Name], report: Report) -> None:
     """Warn if a name could also be read as another instance than the one it resolves to."""
     meant, *others = meanings(name.span.text, instance.system, known) or [name.text]
+    others = [each for each in others if known[each] is not known[meant]]
     if others:
         message = f"`{name.span.text}` is `{meant}` here, and not `{others[0]}`"
         whole = meant if meant in meanings(meant, instance.system, known)[:1] else f"/{meant}"

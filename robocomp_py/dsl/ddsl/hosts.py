@@ -107,10 +107,11 @@ def _check_place(model: m.Deployment, instance: m.Instance, report: Report) -> N
 def check_ports(model: m.Deployment, report: Report) -> None:
     """Check that no two instances on one host have the same port."""
     seen: dict[tuple[str, int], Name] = {}
-    for instance in model.instances:
-        port, host = instance.port, host_of(model, instance)
+    ports = [(each, port) for each in model.instances for port in (each.port, *(offer.port for offer in each.offers))]
+    for instance, port in ports:
         if port is None:
             continue
+        host = host_of(model, instance)
         number = _check_port(port, report)
         where = "" if host is None or host.text in HERE else host.text
         first = seen.setdefault((where, number), port)

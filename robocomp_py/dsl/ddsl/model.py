@@ -15,7 +15,7 @@ class Wiring:
     verb: Name
     port: Name
     instance: Name
-    """Its whole name."""
+    """The whole name of an instance, or of a named instance that another one offers."""
     span: Span
     middleware: Name | None = None
 
@@ -28,6 +28,22 @@ class Quality:
     port: Name
     settings: tuple[Setting, ...]
     span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """`offers front : Laser, LaserPub port 10003;`: a named instance, and the interfaces that it provides."""
+
+    name: Name
+    """The full name, as that of an instance beside the one that offers it: `left/front`."""
+    interfaces: tuple[Name, ...]
+    span: Span
+    port: Name | None = None
+
+    @property
+    def local(self) -> str:
+        """Its name in its system."""
+        return self.name.text.rpartition("/")[2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +130,7 @@ class Instance:
     env: tuple[Variable, ...] = ()
     args: tuple[Name, ...] = ()
     wirings: tuple[Wiring, ...] = ()
+    offers: tuple[Offer, ...] = ()
     process: Name | None = None
     """The process that it shares with other instances of its system; None if it has its own."""
     qos: tuple[Quality, ...] = ()

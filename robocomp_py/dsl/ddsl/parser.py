@@ -13,7 +13,7 @@ from ..diagnostics import Report
 from ..source import Name, Source
 from ..syntax import Builder, Grammar, Parsed
 from . import model as m
-from .scope import meanings, whole
+from .scope import meanings, offered, whole
 
 _DESCRIBE = "describe it next to the components: host onboard { … }; and write here: host onboard;"
 _HINTS = {
@@ -23,6 +23,8 @@ _HINTS = {
     r"\bescalation\b": "write it for the network or for a `System`",
     r"\b(?:security|namespace|clock)\b": "write it once, for the whole network",
     r"\bmiddleware\b": "write it for the network or for a component",
+    r"\boffers\s+\w+\s*;": "name its interfaces: offers front : Laser;",
+    r"\boffers\b": "write it in the block of the component that provides it: offers front : Laser;",
     r"\bgrace\b|\b(?-i:notifies)\s*;": "write it in the block of each component",
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
     r"\brestart\s+\w+\s+\d\S*": "settings have names and are written in parentheses: restart on_failure(intensity 5);",
@@ -117,6 +119,12 @@ class _Builder(Builder):
                 *verbs, port = names
                 quality = m.Quality(verbs[0] if verbs else None, port, self._settings(clause), span)
                 changed = {"qos": (*instance.qos, quality)}
+            case "offers":
+                name, *rest = names
+                numbers = [each for each in rest if each.text.isdecimal()]
+                interfaces = tuple(each for each in rest if each not in numbers)
+                offer = m.Offer(self._within(name, instance.system), interfaces, span, next(iter(numbers), None))
+                changed = {"offers": (*instance.offers, offer)}
             case "process":
                 changed = {"process": self._within(names[0], instance.system)}
             case _:
@@ -148,11 +156,16 @@ class _Builder(Builder):
         def meant(name: Name, instance: m.Instance) -> Name:
             return self._meant(name, instance.system)
 
+        def provider(name: Name, instance: m.Instance) -> Name:
+            found = meanings(name.text, instance.system, providers)
+            return Name(providers[found[0]] if found else name.text, name.span)
+
+        providers = {each.name.text: each.name.text for each in self._instances} | offered(self._instances)
         return tuple(
             replace(
                 instance,
                 dependences=tuple(meant(name, instance) for name in instance.dependences),
-                wirings=tuple(replace(each, instance=meant(each.instance, instance)) for each in instance.wirings),
+                wirings=tuple(replace(each, instance=provider(each.instance, instance)) for each in instance.wirings),
             )
             for instance in self._instances
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Protocol
 
 from ..source import Name
@@ -35,6 +35,15 @@ def meanings(written: str, system: tuple[str, ...], known: Collection[str]) -> l
     if written.startswith("/"):
         return [written[1:]] if written[1:] in known else []
     return [name for each in around(system) if (name := whole(each, written)) in known]
+
+
+def offered(instances: Iterable[m.Instance]) -> dict[str, str]:
+    """The full names of named instances, by what may be written for them: `left/front`, or `left/world/front`."""
+    found: dict[str, str] = {}
+    for each in instances:
+        for offer in each.offers:
+            found[offer.name.text] = found[whole((each.name.text,), offer.local)] = offer.name.text
+    return found
 
 
 def host_of(model: m.Deployment, instance: m.Instance) -> Name | None:

@@ -6,7 +6,8 @@ Instances of one host find each other by themselves. In the other cases an objec
 - an interface that another host or such a program uses is where the configuration of its instance says, or at the
   `port` of that instance, or where the program expects it; else, for another host, at a port that follows from the
   network's name
-- several interfaces of an instance are at its `port`, the next one, and so on, in the order of its CDSL
+- several interfaces of an instance are at its `port`, the next one, and so on, in the order of its CDSL; those of a
+  named instance at the `port` of that
 
 Each client gets these places in `transports.ice.proxies`, unless its own configuration names them. Likewise
 `transports.ice.topics` gets the names by which programs call topics.
@@ -36,6 +37,17 @@ class _Object:
 
     instance: str
     segment: str
+    """In channels; of a named instance with its name in front: `front/Laser`."""
+
+    @property
+    def named(self) -> str:
+        """The named instance; "" if the instance provides it by its own name."""
+        return self.segment.rpartition("/")[0]
+
+    @property
+    def key(self) -> str:
+        """In the keys of settings."""
+        return f'"{self.segment}"' if self.named else self.segment
 
 
 class _Finder:
@@ -82,17 +94,20 @@ class _Finder:
                 endpoint = iceoptions.parse_endpoints(said)[0]
                 if endpoint.port:
                     self._at[served] = endpoint.host, endpoint.port
-        first = each.port
-        if not first or not objects:
-            return
-        self._taken[each.instance] = len(objects)
-        for number, served in enumerate(objects):
-            if served in self._at:
-                continue
-            if not each.is_program:
-                self._serve(served, first + number)
-            elif len(objects) == 1:
-                self._at[served] = "", first
+        by_name: dict[str, list[_Object]] = {}
+        for served in objects:
+            by_name.setdefault(served.named, []).append(served)
+        for named, those in by_name.items():
+            first = each.ports.get(named, 0) if named else each.port
+            if first and not named:
+                self._taken[each.instance] = len(those)
+            for number, served in enumerate(those if first else ()):
+                if served in self._at:
+                    continue
+                if not each.is_program:
+                    self._serve(served, first + number)
+                elif len(those) == 1:
+                    self._at[served] = "", first
 
     def _served(self, each: Site) -> Sequence[str]:
         """The interfaces that it is called by over Ice."""
@@ -128,7 +143,7 @@ class _Finder:
 
     def _serve(self, served: _Object, port: int) -> None:
         self._at[served] = "", port
-        self._set(served.instance, f"endpoints.{served.segment}", f"tcp -p {port}")
+        self._set(served.instance, f"endpoints.{served.key}", f"tcp -p {port}")
 
     def _check_ports(self) -> None:
         """Of two instances on one host, only one can listen at a port."""
@@ -158,7 +173,7 @@ class _Finder:
         options = self._options[client.instance]
         if options.proxy_of(way.channel):
             return
-        key, segment = _key(way.channel), served.segment
+        key, segment = _key(way.channel), names.segment(way.channel)
         if served in self._at:
             host, port = self._at[served]
             there = self._address(way.provider) if self._crosses(way) else LOOPBACK
@@ -263,7 +278,7 @@ class _Finder:
 
 
 def _object(way: Way) -> _Object:
-    return _Object(way.provider, names.segment(way.channel))
+    return _Object(way.provider, names.within(way.named, names.segment(way.channel)))
 
 
 def _key(channel: str) -> str:

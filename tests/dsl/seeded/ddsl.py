@@ -171,6 +171,12 @@ SEEDS = [
         {"port 10004;": "port 10004; restart always(«intensty» 5);"},
     ),
     Seed(
+        "an interface of a named instance misspelt",
+        "wrong-offers",
+        _FILE,
+        {"port 10004;": "port 10004; offers side : «Lasr»;"},
+    ),
+    Seed(
         "a setting of a clock misspelt",
         "bad-clock",
         _FILE,
