@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import re
 import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,9 +17,11 @@ from .replacing import replace_file
 
 if TYPE_CHECKING:
     from ..dsl.diagnostics import Diagnostic
+    from ..dsl.source import Span
     from ..lsp.index import Index
     from ..lsp.outline import Symbol
     from ..lsp.project import Project
+    from ..usercode.renaming import Names
 
 NAME = "rename"
 HELP = "rename an operation, a state, ... in models and in the Python code that uses it"
@@ -33,6 +36,7 @@ examples:
   rc rename patrol.smdsl resting waiting      a state: methods sm_resting, transitions t_resting_to_…
   rc rename patrol.pdsl max_speed top_speed   a parameter: self.params.max_speed
   rc rename patrol.cdsl poll look             a timer: method timer_poll, self.timers.poll
+  rc rename house.ddsl front nose             a named instance: self.laser.add("front", ...), requires Laser from front
   rc rename --yes Vault.idsl Vault.size count
   rc rename --in robot Vault.idsl Vault Safe  an interface; in the models and components in robot/ and below
 
@@ -121,8 +125,9 @@ def _agreed(number: int) -> bool:
 def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Path]) -> _Changes:
     from ..lsp.edits import apply
     from ..lsp.index import Index
+    from ..lsp.outline import Kind
     from ..lsp.project import Project, without_mark
-    from ..lsp.rename import by_file, rename, users_of
+    from ..lsp.rename import by_file, namesakes, rename, users_of
 
     project = Project([folder], list(include))
     project.forget_disk()  # the cached relative paths may belong to another working directory
@@ -135,8 +140,28 @@ def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Pat
         texts[path] = apply(without_mark(project.text(path)), some)
         before = project.read(path)
         changes.add(path, before, _encoded(texts[path], before))
-    _change_code(changes, project, project.with_texts(texts.items()), users_of(index, symbol))
+    after = project.with_texts(texts.items())
+    if symbol.kind is Kind.NAMED:
+        _change_named(changes, project, symbol.name.text, new, users_of(index, symbol))
+        changes.left += [f"{_where(each.name.span)}: {each.span.text}" for each in namesakes(index, symbol)]
+        changes.left += _all_wrong_now(project, after)
+    else:
+        _change_code(changes, project, after, users_of(index, symbol))
     return changes
+
+
+def _change_named(changes: _Changes, project: Project, old: str, new: str, models: Iterable[Path]) -> None:
+    """Add the changes of the code of the component that offers a named instance."""
+    from ..usercode.renaming import Names
+
+    for cdsl in models:
+        linked = project.workspace().component(cdsl)
+        ports = linked.component.named if linked else ()
+        _rewrite_code(changes, project, cdsl, Names(instances={port.attribute: {old: new} for port in ports}))
+        config = cdsl.parent / "etc" / "config.toml"
+        lines = project.text(config).splitlines() if config.is_file() else []
+        tables = re.compile(rf"\s*\[+offers\.{re.escape(old)}\b")
+        changes.left += [f"{config}:{number}: {line}" for number, line in enumerate(lines, 1) if tables.match(line)]
 
 
 def _symbol(index: Index, file: Path, old: str) -> Symbol:
@@ -164,30 +189,42 @@ def _symbol(index: Index, file: Path, old: str) -> Symbol:
 def _change_code(changes: _Changes, before: Project, after: Project, models: Iterable[Path]) -> None:
     """Add the changes of the code of these components."""
     from ..lsp.rename import CannotRename
-    from ..usercode.reading import python_files
-    from ..usercode.renaming import NotParsed, differences, rewrite, words_in
+    from ..usercode.renaming import differences
 
     for cdsl in models:
         old, new = before.workspace().component(cdsl), after.workspace().component(cdsl)
         if old is None or new is None:
             raise CannotRename(f"{cdsl} has mistakes; rc lint {cdsl} tells them")
         changes.outdated.append(cdsl)
-        names = differences(old.component, new.component)
-        for path in python_files(cdsl.parent) if names else ():
-            data = before.read(path)
-            if taken := words_in(data, list(names.words.values())):
-                raise CannotRename(f"{path} has the name `{taken[0]}` already")
-            try:
-                rewritten = rewrite(data, names)
-            except NotParsed as exc:
-                changes.left.append(f"{path} is not valid Python: {exc}")
-                continue
-            changes.add(path, data, rewritten.data)
-            changes.left += [f"{path}:{number}: {line}" for number, line in rewritten.left]
+        _rewrite_code(changes, before, cdsl, differences(old.component, new.component))
         changes.left += _wrong_now(cdsl.parent / "etc" / "config.toml", before, after)
+    changes.left += _all_wrong_now(before, after)
+
+
+def _rewrite_code(changes: _Changes, project: Project, cdsl: Path, names: Names) -> None:
+    """Add the changes of the Python files of a component."""
+    from ..lsp.rename import CannotRename
+    from ..usercode.reading import python_files
+    from ..usercode.renaming import NotParsed, rewrite, words_in
+
+    for path in python_files(cdsl.parent) if names else ():
+        data = project.read(path)
+        if taken := words_in(data, list(names.words.values())):
+            raise CannotRename(f"{path} has the name `{taken[0]}` already")
+        try:
+            rewritten = rewrite(data, names)
+        except NotParsed as exc:
+            changes.left.append(f"{path} is not valid Python: {exc}")
+            continue
+        changes.add(path, data, rewritten.data)
+        changes.left += [f"{path}:{number}: {line}" for number, line in rewritten.left]
+
+
+def _all_wrong_now(before: Project, after: Project) -> Iterator[str]:
+    """The errors of all networks that they did not have before."""
     for path in before.files():
         if path.suffix.lower() == ".ddsl":
-            changes.left += _wrong_now(path, before, after)
+            yield from _wrong_now(path, before, after)
 
 
 def _wrong_now(path: Path, before: Project, after: Project) -> Iterator[str]:
@@ -201,7 +238,11 @@ def _wrong_now(path: Path, before: Project, after: Project) -> Iterator[str]:
 
 
 def _place(diagnostic: Diagnostic) -> str:
-    return f"{diagnostic.span.source.path}:{diagnostic.span.source.position(diagnostic.span.start)[0]}"
+    return _where(diagnostic.span)
+
+
+def _where(span: Span) -> str:
+    return f"{span.source.path}:{span.source.position(span.start)[0]}"
 
 
 def _encoded(text: str, before: bytes) -> bytes:

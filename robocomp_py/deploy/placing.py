@@ -187,9 +187,13 @@ def namespace(model: Deployment, instance: Instance) -> str:
     return "/".join(filter(None, (model.namespace, *instance.system)))
 
 
-def channels(model: Deployment, instance: Instance) -> str:
-    """What its channels begin with, if nothing else configures its namespace."""
-    return "/".join(filter(None, (namespace(model, instance), instance.local)))
+def channels(model: Deployment, instance: Instance) -> Iterator[tuple[str, str]]:
+    """The full names of an instance and its named instances, and what their channels begin with.
+
+    That is so if nothing else configures the namespace.
+    """
+    for name in (*(offer.name.text for offer in instance.offers), instance.name.text):
+        yield name, "/".join(filter(None, (namespace(model, instance), name.rpartition("/")[2])))
 
 
 def existing_command(command: str) -> list[str]:

@@ -530,14 +530,11 @@ class _Planner:
                 self._error("configuration", f"`{node.name}` has a wrong configuration: {exc}", at)
             return
         checked, complaints = settings.examine(node.component, document, node.instance.local)
+        complaints = [*complaints, *_undeclared(node, checked)]
         for each in complaints:
             origin = document.overridden(each.key) if each.key else ""
             if not self._blames(origin, each.code, each.message, "", node):
                 self._report.extend([_complaint(node, config, document, each)])
-        for name in (checked.offers or {}).keys() - node.offers.keys():
-            message = f"`{node.name}` is configured ({document.place(('offers', name))}) to offer `{name}`"
-            hint = f"write in its block, for example: offers {name} : {node.component.named[0].interface.short};"
-            self._error("wrong-offers", f"{message}, which the network does not declare", at, hint)
         if complaints:
             return
         middleware = generated_for(node.linked.path.parent)
@@ -595,7 +592,9 @@ class _Planner:
         parts, programs = _parts(self._configured), _parts(self._programs)
         named = {node.name: node for node in nodes}
         named = {each.name: named[each.runs_as] for each in (*parts, *programs)} | named
-        channels = {each.name.text: placing.channels(self._model, each) for each in self._model.instances}
+        channels = {
+            name: channel for each in self._model.instances for name, channel in placing.channels(self._model, each)
+        }
         channels.update((each.name, each.channels) for each in (*parts, *programs))
         faults = check_routes(parts, channels.values(), self._unfit)
         unkept = (*unsupported(parts), *unsupported_by_others(parts))
@@ -770,6 +769,15 @@ def _provides_over(middleware: str, each: Configured) -> bool:
 def _parts(configured: Iterable[Configured]) -> list[Configured]:
     """The instances, each without its named instances, and these."""
     return [part for each in configured for part in each.parts]
+
+
+def _undeclared(node: Node, checked: settings.Settings) -> Iterator[Complaint]:
+    """Complaints about named instances that are configured and that the network does not declare."""
+    for name, ports in (checked.offers or {}).items():
+        if name not in node.offers:
+            interfaces = ", ".join(port.interface.short for port in node.component.named if (port.name,) in ports)
+            message = f"the network does not declare `{name}`; write in the block of `{node.name}`: offers {name}"
+            yield Complaint(("offers", name), f"{message} : {interfaces};", "config-unknown-key")
 
 
 def _complaint(node: Node, config: Path | None, document: Document, complaint: Complaint) -> Diagnostic:

@@ -32,6 +32,7 @@ _RENAMED = {
     Kind.HOST,
     Kind.SYSTEM,
     Kind.INSTANCE,
+    Kind.NAMED,
     Kind.STATE,
 }
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -160,12 +161,32 @@ def _worse(before: list[Diagnostic], after: list[Diagnostic]) -> Diagnostic | No
 
 
 def _mentions(index: Index, symbol: Symbol) -> Iterator[Mention]:
+    if symbol.kind is Kind.NAMED:
+        yield from _names_in_text(index, symbol)
     pattern = _in_python(symbol)
     for folder in _components_with(index, symbol) if pattern else ():
         for path in _code_in(folder)[:_MOST_CODE]:
             yield from _words_in(path, pattern)
         if symbol.kind in (Kind.PARAMETER, Kind.LIST, Kind.TIMER):
             yield from _keys_in(folder / "etc" / "config.toml", symbol.name.text)
+
+
+def _names_in_text(index: Index, symbol: Symbol) -> Iterator[Mention]:
+    """Where the code of the component that offers a named instance has its name, and its configuration."""
+    name = symbol.name.text
+    for model in users_of(index, symbol):
+        for path in _code_in(model.parent)[:_MOST_CODE]:
+            yield from (Mention(name, path, line) for line in _lines_with(path, rf"""(["']){name}\1"""))
+        config = model.parent / "etc" / "config.toml"
+        yield from (Mention(name, config, line) for line in _lines_with(config, rf"\s*\[offers\.{name}\b"))
+
+
+def _lines_with(path: Path, pattern: str) -> Iterator[int]:
+    try:
+        lines = read_file(path).decode("utf-8", "replace").splitlines()
+    except (OSError, ValueError):
+        return
+    yield from (number for number, line in enumerate(lines, 1) if re.search(pattern, line))
 
 
 def _code_in(folder: Path) -> list[Path]:
@@ -199,7 +220,24 @@ def _components_with(index: Index, symbol: Symbol) -> list[Path]:
 def users_of(index: Index, symbol: Symbol) -> list[Path]:
     """The models of the components whose code may use a symbol."""
     home = symbol.name.span.source.path
+    if symbol.kind is Kind.NAMED:
+        return [each.name.span.source.path for each in component_of(index, symbol)]
     return [home] if symbol.kind is Kind.TIMER else index.files_that_need(home)
+
+
+def component_of(index: Index, named: Symbol) -> list[Symbol]:
+    """The component that offers a named instance; none if it is unknown."""
+    home = named.name.span.source.path
+    made = index.outline(home)
+    kind = next((each.detail.lower() for each in made.walk() if named in each.children), "") if made else ""
+    return [each for each in index.visible(home) if each.kind is Kind.COMPONENT and each.name.text.lower() == kind]
+
+
+def namesakes(index: Index, named: Symbol) -> list[Symbol]:
+    """The named instances of the same name that the same component offers elsewhere."""
+    component = component_of(index, named)
+    found = (each for each in index.symbols() if each.kind is Kind.NAMED and each.name.text == named.name.text)
+    return [each for each in found if each != named and component and component_of(index, each) == component]
 
 
 def _words_in(path: Path, pattern: str) -> Iterator[Mention]:

@@ -59,8 +59,12 @@ class Connections:
         watching: Watching,
         tally: Tally,
         counts: Counts | None = None,
+        differs: Callable[[str], object] = lambda text: None,
     ) -> None:
-        """`wanted` returns False when opening a transport, which may take a while, should be given up."""
+        """`wanted` returns False when opening a transport, which may take a while, should be given up.
+
+        `differs` is told how named instances differ from what the network declares; "" if they no longer do.
+        """
         self._worker, self._settings, self._component = worker, settings, worker.component
         self._monitor, self._watching, self._tally, self._counts = monitor, watching, tally, counts
         self._transports = _Transports(settings, find, wanted)
@@ -72,6 +76,7 @@ class Connections:
         """The ports with their routes and links."""
         self._instances: list[NamedInstances[Any]] = []
         """Of each port that has them."""
+        self._differs, self._difference = differs, ""
         self._changing = threading.Lock()
         """Held while links are opened or closed together, and while `bound` changes."""
         self._required: list[tuple[Port, Link]] = []
@@ -80,6 +85,7 @@ class Connections:
         self._unconnected: deque[Link] | None = None
         """The links of topics that are not known to be connected; None until all required peers are visible."""
         self._begun = 0.0
+        self._is_ready = False
         self._told: float | None = None
 
     def open(self, behavior: CommonBehavior) -> None:
@@ -121,6 +127,15 @@ class Connections:
         """Warn of named instances that the network declares and the component has not added."""
         for instances in self._instances:
             instances.tell_missing()
+        self._is_ready = True
+        self.changed()
+
+    def changed(self) -> None:
+        """Tell how named instances differ from what the network declares, once the component is ready."""
+        text = "; ".join(each for instances in self._instances for each in instances.differences())
+        if self._is_ready and text != self._difference:
+            self._difference = text
+            self._differs(text)
 
     def suspended(self) -> contextlib.AbstractContextManager[None]:
         return self._monitor.suspended()

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("robocomp.worker")
 
+_MOST_REFUSED = 10
+"""Maximum number of refused names that are told."""
+
 T = TypeVar("T")
 H = TypeVar("H", bound="InstanceHandler")
 X = TypeVar("X", bound=Proxy)
@@ -82,6 +85,10 @@ class Binder(Protocol):
         """Let other handlers run meanwhile."""
         ...
 
+    def changed(self) -> None:
+        """Called when the instances differ from the declared ones in another way than before."""
+        ...
+
 
 class NamedInstances(Mapping[str, T]):
     """The instances of one interface, by name. May be used from any thread."""
@@ -94,6 +101,8 @@ class NamedInstances(Mapping[str, T]):
         self._binder: Binder | None = None
         """From the start of the component on; until then, added instances wait for it."""
         self._is_closed = False
+        self._refused: dict[str, None] = {}
+        """Names that the component wanted to add, and that the network does not declare."""
 
     def __getitem__(self, name: str) -> T:
         entry = self._entries.get(name)
@@ -110,6 +119,10 @@ class NamedInstances(Mapping[str, T]):
     def __repr__(self) -> str:
         return f"<{self._port.interface.short} each: {', '.join(self) or 'none'}>"
 
+    def is_declared(self, name: str) -> bool:
+        """Whether a name may be added: the network declares it by `offers`, or the component runs without a network."""
+        return self._offered is None or name in self._offered
+
     def remove(self, name: str) -> None:
         """Stop providing an instance: later calls of it fail like calls of a component that has stopped.
 
@@ -125,6 +138,7 @@ class NamedInstances(Mapping[str, T]):
         if binder:
             with binder.suspended():
                 binder.unbind(entry)
+        self._tell_changed()
 
     def _add(self, entry: Entry[T]) -> None:
         self._check(entry.name)
@@ -148,17 +162,26 @@ class NamedInstances(Mapping[str, T]):
             raise
         if entry.is_gone:  # removed by another thread meanwhile
             binder.unbind(entry)
+        self._tell_changed()
 
     def _check(self, name: str) -> None:
         if not isinstance(name, str) or not names.is_segment(name):
             raise ValueError(f"{name!r} is not a name for an instance; allowed: letters, digits, `_`, `-`")
-        if self._offered is not None and name not in self._offered:
+        if not self.is_declared(name):
             short = self._port.interface.short
+            if len(self._refused) < _MOST_REFUSED:
+                self._refused[name] = None
+            self._tell_changed()
             there = f"declared: {', '.join(sorted(self._offered))}" if self._offered else "it declares none"
             raise ConfigurationError(
                 f"the network does not declare that `{self._owner}` offers `{name} : {short}` ({there}); "
-                f"write in its component: offers {name} : {short};"
+                f"write in its block: offers {name} : {short};"
             )
+
+    def _tell_changed(self) -> None:
+        binder = self._binder
+        if binder and self._offered is not None and not self._is_closed:
+            binder.changed()
 
     # For the component that they belong to.
 
@@ -181,10 +204,21 @@ class NamedInstances(Mapping[str, T]):
             if binder:
                 binder.unbind(entry)
 
+    @property
+    def missing(self) -> list[str]:
+        """The names that the network declares and that are not there."""
+        return sorted((self._offered or frozenset()) - self._entries.keys())
+
+    def differences(self) -> Iterator[str]:
+        """How it differs from what the network declares, in words."""
+        short = self._port.interface.short
+        yield from (f"does not offer {name} : {short}, which the network declares" for name in self.missing)
+        yield from (f"wanted to offer {name} : {short}, which the network does not declare" for name in self._refused)
+
     def tell_missing(self) -> None:
         """Warn of the names that the network declares and that are not added."""
         short, add = self._port.interface.short, f"self.{self._port.attribute}.add"
-        for name in sorted((self._offered or frozenset()) - self._entries.keys()):
+        for name in self.missing:
             log.warning(
                 "the network declares that `%s` offers `%s : %s`, which it has not added: call %s(%r%s)",
                 *(self._owner, name, short, add, name, "" if self._port.verb.has_proxy else ", ..."),

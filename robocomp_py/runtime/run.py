@@ -114,6 +114,7 @@ class Running:
             self._watching,
             self._tally,
             self._lockstep.counts if self._lockstep else None,
+            lambda text: self._tell(f"STATUS={text}"),
         )
 
     def run(self) -> bool:

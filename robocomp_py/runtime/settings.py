@@ -304,7 +304,8 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
     if parameter and parameter.kind in (ParameterKind.STRING, ParameterKind.ENUM) and not isinstance(value, str):
         value = text  # a string may look like a number
     _put(document.data, key, value, origin)
-    document.overrides.append((key, origin))
+    if value != {}:
+        document.overrides.append((key, origin))
 
 
 def settle(document: Document, component: Component, generated_for: str) -> None:

@@ -37,6 +37,8 @@ log = logging.getLogger("robocomp.worker")
 _REMIND = 5.0
 """Seconds between messages that name the components that one waits for."""
 
+_STATUS = "STATUS="
+
 Part = tuple[type[Worker[Any]], Sequence[str]]
 """A component, and its arguments."""
 
@@ -72,6 +74,8 @@ class Together:
         self._ended: set[str] = set()
         self._stopping = False
         self._is_up = False
+        self._statuses: dict[str, str] = {}
+        """By component, those that are not empty."""
         self._news: SimpleQueue[tuple[Member, bool] | None] = SimpleQueue()
         """A component that has ended, and whether without failure; None is the request to stop all."""
 
@@ -157,6 +161,12 @@ class Together:
         """Handle a status message of one component: the process is ready when all components are."""
         if text.startswith(CONTRACT):
             self._tell(text)
+        elif text.startswith(_STATUS):
+            with self._changed:
+                self._statuses[name] = text.removeprefix(_STATUS)
+                is_up = self._is_up
+            if is_up:
+                self._tell(self._status())
         elif text == "READY=1":
             with self._changed:
                 self._ready.add(name)
@@ -169,7 +179,13 @@ class Together:
             missing = [each.name for each in self._members if each.name not in self._ready | self._ended]
             is_late, self._is_up = self._is_up or self._stopping, self._is_up or not missing
         if not is_late:
-            self._tell(f"STATUS=waiting for {', '.join(missing)}" if missing else "READY=1\nSTATUS=")
+            self._tell(f"STATUS=waiting for {', '.join(missing)}" if missing else f"READY=1\n{self._status()}")
+
+    def _status(self) -> str:
+        """What the components say of themselves."""
+        with self._changed:
+            said = [f"{name} {text}" for name, text in self._statuses.items() if text]
+        return _STATUS + "; ".join(said)
 
     # Called on the thread of `run`.
 

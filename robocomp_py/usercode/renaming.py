@@ -4,6 +4,7 @@
     operations of proxies, parameters, timers       after `self.vault_proxy`, `self.params`, `self.timers`, and names
                                                     that hold nothing else: `vault = self.vault_proxy`
     texts and fakes of tests                        `"Vault.size"`, `vault={"size": …}`
+    named instances                                 in `self.laser.add("front", …)`, `self.laser["front"]` and the like
 
 Which names those are is found by comparing the component before and after its models were changed.
 """
@@ -44,8 +45,11 @@ class Names:
     classes: dict[str, str] = field(default_factory=dict)
     """The attribute of each class of proxies: what a parameter of that type is."""
 
+    instances: dict[str, dict[str, str]] = field(default_factory=dict)
+    """By the attribute of an interface, its named instances."""
+
     def __bool__(self) -> bool:
-        return any((self.words, self.members, self.texts, self.ports, self.keys))
+        return any((self.instances, self.words, self.members, self.texts, self.ports, self.keys))
 
 
 @dataclass(frozen=True)
@@ -223,12 +227,30 @@ class _Renamer(cst.CSTTransformer):
         new = {**self._names.words, **self._names.texts}.get(value) if isinstance(value, str) else None
         return _said(updated_node, str(value), new) if new else updated_node
 
+    def leave_Subscript(self, original_node: cst.Subscript, updated_node: cst.Subscript) -> cst.Subscript:
+        """`self.laser["front"]`"""
+        names = self._names.instances.get(_last(original_node.value))
+        match updated_node.slice:
+            case [cst.SubscriptElement(slice=cst.Index(value=key) as index) as element] if names:
+                inner = element.with_changes(slice=index.with_changes(value=_renamed(key, names)))
+                return updated_node.with_changes(slice=[inner])
+        return updated_node
+
+    def leave_Comparison(self, original_node: cst.Comparison, updated_node: cst.Comparison) -> cst.Comparison:
+        """`"front" in self.laser`"""
+        names = self._names.instances.get(_last(original_node.comparisons[-1].comparator), {})
+        is_in = isinstance(original_node.comparisons[0].operator, cst.In | cst.NotIn)
+        return updated_node.with_changes(left=_renamed(updated_node.left, names)) if is_in else updated_node
+
     def leave_DictElement(self, original_node: cst.DictElement, updated_node: cst.DictElement) -> cst.DictElement:
         port = _constant(original_node.key)
         value = _with_keys(updated_node.value, self._names.keys.get(port, {}))
         return updated_node.with_changes(value=value)
 
     def leave_Call(self, original_node: cst.Call, updated_node: cst.Call) -> cst.Call:
+        function = original_node.func
+        if isinstance(function, cst.Attribute) and (named := self._names.instances.get(_last(function.value))):
+            return updated_node.with_changes(args=[_with_name(each, named) for each in updated_node.args])
         if keys := self._names.keys.get(_last(original_node.func)):
             return updated_node.with_changes(args=[_with_keyword(each, keys) for each in updated_node.args])
         if _last(original_node.func) != _HARNESS:
@@ -255,6 +277,17 @@ def _with_keyword(argument: cst.Arg, keys: Mapping[str, str]) -> cst.Arg:
     if argument.keyword is None or argument.keyword.value not in keys:
         return argument
     return argument.with_changes(keyword=argument.keyword.with_changes(value=keys[argument.keyword.value]))
+
+
+def _with_name(argument: cst.Arg, names: Mapping[str, str]) -> cst.Arg:
+    """An argument of a method of named instances: `self.laser.add("front", …)`, or `name="front"`."""
+    return argument.with_changes(value=_renamed(argument.value, names))
+
+
+def _renamed(value: cst.BaseExpression, names: Mapping[str, str]) -> cst.BaseExpression:
+    """A text that is one of the names, with its new one."""
+    old = _constant(value)
+    return _said(value, old, names[old]) if old in names and isinstance(value, cst.SimpleString) else value
 
 
 def _with_keys(value: cst.BaseExpression, keys: Mapping[str, str]) -> cst.BaseExpression:
@@ -304,6 +337,8 @@ def _left(text: str, names: Names) -> Iterator[tuple[int, str]]:
     """Lines that may mean an old name: comments, texts, and members of what is not known."""
     members = {old for each in names.members.values() for old in each}
     alternatives = [rf"(?<!\w){re.escape(each)}(?!\w)" for each in (*names.words, *names.texts)]
+    named = {old for each in names.instances.values() for old in each}
+    alternatives += [f"{quote}{re.escape(each)}{quote}" for each in named for quote in "\"'"]
     if any(each in text for each in names.members):
         alternatives += [rf"\.{re.escape(each)}(?=\()" for each in members]
     if not alternatives:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -167,3 +168,63 @@ def test_what_cannot_be_renamed_changes_nothing(
     assert rc(["rename", *arguments]) == 1
     assert says in capsys.readouterr().err
     assert snapshot(robot) == before
+
+
+RING = """\
+class SpecificWorker(GenericWorker):
+    def initialize(self) -> None:
+        self.vault.add("front", Small())
+        self.vault.add(handler=Small(), name="front")
+        for name in ("front", "back"):
+            self.report.add(name)
+
+    def compute(self) -> None:
+        if "front" in self.vault and self.vault["front"].instance == "front":
+            self.report['front'].told(1)
+        self.vault.remove('front')
+        front = {"front": 1}["front"]
+"""
+
+
+def test_a_named_instance_is_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    texts = {
+        "Vault.idsl": FILES["Vault.idsl"],
+        "Report.idsl": "module RoboCompVault { interface Report { [publish] void told(int number); }; };\n",
+        "ring/ring.cdsl": 'import "../Vault.idsl"; import "../Report.idsl";\nComponent ring { Communications '
+        "{ implements Vault each; publishes Report each; }; language python; };\n",
+        "user/user.cdsl": FILES["user/user.cdsl"].replace("Vault, Vault", "Vault"),
+        "net.ddsl": 'import "ring/ring.cdsl"; import "user/user.cdsl";\nDeployment net\n{\n'
+        "    Component ring { offers front : Vault, Report; offers back : Report; };\n"
+        "    Component user { requires Vault from ring/front; };\n"
+        "    Component other : user { requires Vault from front; };\n};\n",
+        "second.ddsl": 'import "ring/ring.cdsl";\nDeployment second { Component ring { offers front : Vault; }; };\n',
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert rcgen(["net.ddsl"]) == 0
+    (tmp_path / "ring/specificworker.py").write_text(RING)
+    with (tmp_path / "ring/etc/config.toml").open("a") as config:
+        config.write('\n[offers.front.Vault]\nmiddleware = "shm"\n')
+    capsys.readouterr()
+    assert rc(["rename", "--yes", "net.ddsl", "front", "nose"]) == 0
+    told = capsys.readouterr().out
+    network = (tmp_path / "net.ddsl").read_text()
+    assert "offers nose : Vault, Report;" in network
+    assert "from ring/nose;" in network
+    assert "from nose;" in network
+    assert (tmp_path / "ring/specificworker.py").read_text() == (
+        RING.replace('add("front"', 'add("nose"')
+        .replace('name="front"', 'name="nose"')
+        .replace('"front" in', '"nose" in')
+        .replace('vault["front"]', 'vault["nose"]')
+        .replace("'front'", "'nose'")
+    )
+    left = [line.removeprefix("not changed: ") for line in told.splitlines() if line.startswith("not changed")]
+    assert [line.partition(": ")[0] for line in left] == [
+        *(f"ring/specificworker.py:{number}" for number in (5, 9, 12)),
+        left[3].partition(": ")[0],
+        "second.ddsl:2",
+    ]
+    assert left[3].startswith("ring/etc/config.toml:")

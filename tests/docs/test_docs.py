@@ -133,6 +133,13 @@ def test_the_guide_to_virtual_time_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_guide_to_named_instances_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "guides" / "named-instances.md"))
+    assert len(done) > 15
+    for step in done:
+        do(step, tmp_path)
+
+
 def test_the_page_on_time_works_as_written(tmp_path: Path) -> None:
     done = list(steps(DOCS / "reference" / "time.md"))
     assert len(done) > 6

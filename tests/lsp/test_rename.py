@@ -140,6 +140,20 @@ def test_hosts_and_systems_and_what_is_in_them_are_renamed_wherever_they_are_nam
         assert part in text
 
 
+def test_a_named_instance_is_renamed_wherever_it_is_named(editor: Editor) -> None:
+    editor.open(
+        "hand.cdsl", 'import "Arm.idsl"; Component hand { Communications { implements Arm each; }; language python; };'
+    )
+    editor.open(
+        "pair.ddsl",
+        'import "hand.cdsl"; import "chess/chess.cdsl"; Deployment pair { System s { Component hand { offers left : Arm; };'
+        " Component chess { requires Arm from hand/left; }; }; Component far : chess { requires Arm from s/left; }; };",
+    )
+    text = renamed(editor, "pair.ddsl", "from s/le|ft", "first")["pair.ddsl"]
+    for part in ("offers first : Arm;", "from hand/first;", "from s/first;"):
+        assert part in text
+
+
 def test_nothing_is_renamed_so_that_a_name_means_another_instance(editor: Editor) -> None:
     editor.open("fleet.ddsl", FLEET.replace("requires Arm from hand", "requires Arm from spare"))
     with pytest.raises(JsonRpcException, match="`hand` is `north/hand` here, and not `hand`"):

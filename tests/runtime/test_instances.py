@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import socket
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -19,6 +20,7 @@ from robocomp_py.runtime.effective import as_toml, effective
 from robocomp_py.runtime.instances import InstanceHandler
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.instances import House, InstancesConformance, InstancesSuite, Teller
+from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport
 from robocomp_py.transports.inproc import InprocTransport
 from tests.transports.domains import DOMAIN
@@ -137,7 +139,7 @@ class TestOfAComponent(OverInproc):
                 house.teller.add("left", Teller())
             assert str(told.value) == (
                 "the network does not declare that `house` offers `left : Teller` (declared: back, front); "
-                "write in its component: offers left : Teller;"
+                "write in its block: offers left : Teller;"
             )
             with pytest.raises(ConfigurationError, match="declared: back"):
                 house.news.add("front")
@@ -158,6 +160,33 @@ class TestOfAComponent(OverInproc):
             f"{offers} `front : Teller`, which it has not added: call self.teller.add('front', ...)",
             f"{offers} `back : News`, which it has not added: call self.news.add('back')",
         ]
+
+    def test_the_launcher_is_told_how_named_instances_differ_from_the_declared_ones(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        with ExitStack() as ending:
+            launcher = ending.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            launcher.bind(str(tmp_path / "notify"))
+            launcher.settimeout(SOON)
+
+            def status() -> str:
+                """The next one that is told."""
+                while not (told := launcher.recv(4096).decode()).startswith("STATUS="):
+                    pass
+                return told.removeprefix("STATUS=")
+
+            house = self.start(ending, sets=["offers.front.Teller={}"])
+            missing = "does not offer front : Teller, which the network declares"
+            assert status() == missing
+            house.teller.add("front", Teller())
+            assert status() == ""
+            with pytest.raises(ConfigurationError):
+                house.teller.add("left", Teller())
+            refused = "wanted to offer left : Teller, which the network does not declare"
+            assert status() == refused
+            house.teller.remove("front")
+            assert status() == f"{missing}; {refused}"
 
     def test_its_status_lists_named_instances(self, house: House) -> None:
         house.teller.add("front", Teller())

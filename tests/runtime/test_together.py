@@ -205,6 +205,21 @@ def test_a_component_that_waits_for_its_dependency_can_be_stopped(told: Told) ->
     assert story == ["slow begins", "slow ends"]
 
 
+def test_the_status_of_a_ready_component_is_passed_on_with_its_name(told: Told) -> None:
+    class Speaking(Diary):
+        running: Any = None
+
+        def initialize(self) -> None:
+            self.running._tell("STATUS=has no laser")
+
+    together = Together(told)
+    Speaking.running = together.add(Speaking, settings("left")).running
+    with living(together):
+        wait_until(lambda: told.status == "STATUS=left has no laser")
+        Speaking.running._tell("STATUS=")
+        wait_until(lambda: told.status == "STATUS=")
+
+
 def test_log_messages_carry_the_name_of_their_component(told: Told) -> None:
     spoken: list[tuple[str, str]] = []
     together = Together(told)
