@@ -16,7 +16,15 @@ from ..contract.interface import Operation, Pattern, Verb
 from ..contract.middleware import carrier
 from ..contract.qos import QoS
 from ..errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
-from ..transports.base import Link, Transport, TransportConfig, TransportFactory, gathering, wait_connected
+from ..transports.base import (
+    Link,
+    Transport,
+    TransportConfig,
+    TransportFactory,
+    about_to_block,
+    gathering,
+    wait_connected,
+)
 from ..wire import names
 from . import ports
 from .commonbehavior import CommonBehavior, port_of
@@ -162,6 +170,20 @@ class Connections:
                     entry.counters = counted.routes(routes)
             entry.bound = Bound(port, routes, tuple(links), entry.name)
             self.bound = [*self.bound, entry.bound]
+        if self._counts and self._is_ready:  # it publishes at an instant, and no subscriber may miss that
+            about_to_block()
+            self._connect(entry.bound)
+
+    def connect_instances(self) -> None:
+        """Wait until visible subscribers are connected to the named instances that publish."""
+        for bound in self.bound:
+            if bound.instance:
+                self._connect(bound)
+
+    def _connect(self, bound: Bound) -> None:
+        end = time.monotonic() + _CONNECTING
+        for link in bound.links if bound.port.verb.is_topic else ():
+            wait_connected(link, max(0.0, end - time.monotonic()))
 
     def unbind(self, entry: Entry[Any]) -> None:
         with self._changing:

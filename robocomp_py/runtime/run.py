@@ -392,6 +392,7 @@ class Running:
             self._lockstep.begin()
             self._tell_ready()  # before the clock moves: it waits until all components of the network have started
             self._lockstep.wait()
+            self._connections.connect_instances()
         if not self._is_driven:
             self._watching.begin()
         self._compute._beat = self.worker._beats(self.clock.now())

@@ -146,8 +146,9 @@ def test_a_named_instance_is_renamed_wherever_it_is_named(editor: Editor) -> Non
     )
     editor.open(
         "pair.ddsl",
-        'import "hand.cdsl"; import "chess/chess.cdsl"; Deployment pair { System s { Component hand { offers left : Arm; };'
-        " Component chess { requires Arm from hand/left; }; }; Component far : chess { requires Arm from s/left; }; };",
+        'import "hand.cdsl"; import "chess/chess.cdsl"; Deployment pair {'
+        " System s { Component hand { offers left : Arm; }; Component chess { requires Arm from hand/left; }; };"
+        " Component far : chess { requires Arm from s/left; }; };",
     )
     text = renamed(editor, "pair.ddsl", "from s/le|ft", "first")["pair.ddsl"]
     for part in ("offers first : Arm;", "from hand/first;", "from s/first;"):
