@@ -1,4 +1,4 @@
-"""Transport `zeromq`: a socket for each published topic, and one for all served operations.
+"""Transport `zeromq`: a few sockets for all published topics, and one for all served operations.
 
     a publication          XPUB → SUB
     a request, a command   DEALER → ROUTER

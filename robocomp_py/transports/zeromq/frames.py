@@ -43,10 +43,14 @@ def topic(channel: str) -> bytes:
     return channel.encode() + b"\0"
 
 
-def welcome_topic(subscriber: str) -> bytes:
-    """What a subscriber of that address subscribes to, to be told that it is connected; empty if that is no address."""
+def welcome_topic(subscriber: str, publication: str = "0") -> bytes:
+    """What a subscriber of that address subscribes to, to be told that it is connected; empty if that is no address.
+
+    A subscriber of a channel with `*` may be connected to several publications of one socket. `publication` is how the
+    address of the one that is meant ends.
+    """
     try:
-        return b"\1" + int(subscriber, 16).to_bytes(8, "little")
+        return b"\1" + (int(subscriber, 16) ^ int(publication, 16)).to_bytes(8, "little")
     except (ValueError, OverflowError):  # of another program, which wants no welcome
         return b""
 

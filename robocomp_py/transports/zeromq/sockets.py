@@ -250,13 +250,15 @@ class Subscription:
         self.awaited = False
         self.more = False
         """Whether another message may be ready. If not, the loop reports the next one."""
+        self.active = False
+        """Whether a message has come since this was set to False."""
         self.on_input: Callable[[Any], list[Job]] = on_input
         self._feed, self._receive = feed, feed.receive
 
     def receive(self, most: int) -> list[Frames]:
         """The messages that are ready, at most `most`; sets `more`. Raises Gone if the publisher is gone."""
         messages: list[Frames] = []
-        self.more = False
+        self.more, self.active = False, True
         with self.lock:
             try:
                 while not self.closed and len(messages) < most:

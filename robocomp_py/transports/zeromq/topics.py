@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import zmq
@@ -34,10 +35,11 @@ from ..leader_followers import Job
 from ..limits import BATCH
 from ..link import persist
 from ..topics import SubscribingLink
-from .frames import OWN_TOPIC_BYTES, Frames, is_welcome, joined, read_publication_frames, topic, welcome_topic
+from .frames import Frames, is_welcome, joined, read_publication_frames, topic, welcome_topic
 from .link import TICK, Link
 from .remote import FarFeed, is_far
-from .sockets import Socket, Subscription, as_transport_error
+from .sockets import Socket, Subscription
+from .topic_sockets import TopicSocket, open_here, remove
 from .zmtp import Feed, Garbled, Gone
 
 if TYPE_CHECKING:
@@ -50,21 +52,15 @@ _LAST_WORDS = 1.0
 _AT_FIRST, _LATER = 0.005, 1.0
 """Seconds between two looks for a subscriber that is expected, and for one that has not come for a while."""
 
-_MOST_WELCOMED = 10_000
-"""Maximum number of connected subscribers that a publisher remembers."""
-
 WELCOMES = "h"
 """The mark of a publisher that tells its subscribers that they are connected."""
-
-_TOGETHER, _BREATH = 16, 0.002
-"""Subscriptions handled at once, and seconds until the next ones. So the guard has time to notice a flood of them, and
-other input is hardly delayed."""
 
 
 class Publisher(Link, SupportsSubscribers):
     role, facing, marks = "publishes", "subscribes", WELCOMES
-    _socket: Socket | None = None
-    _far: Socket | None = None
+    _here: TopicSocket | None = None
+    """The socket for this host."""
+    _far: TopicSocket | None = None
     """The socket for other hosts, if there may be any."""
     _sent_here: Frames | None = None
     """The message that was sent on this host, but not to other hosts yet."""
@@ -76,10 +72,6 @@ class Publisher(Link, SupportsSubscribers):
         self._source, self._sequence = random_id(), itertools.count(1)
         self._begin = publications_of(self._topic, self.channel.type.fingerprint, self._source)
         self._history: deque[Frames] = deque(maxlen=qos.depth if qos.latched else 0)
-        self._subscribed: set[Socket] = set()
-        """The sockets that have a subscriber."""
-        self._welcomed: set[bytes] = set()
-        """The welcome topics of connected subscribers: they subscribe to them to learn that they are connected."""
         self._expected: set[bytes] = set()
         """The welcome topics of all subscribers in the directory."""
         self._pause = _AT_FIRST
@@ -87,23 +79,17 @@ class Publisher(Link, SupportsSubscribers):
         self._order = threading.Lock()
         self._looking = threading.RLock()
         self._lossy = not qos.reliable
-        options = {"SNDHWM": depth, "XPUB_VERBOSE": 1, "XPUB_NODROP": 1}
-        # Its descriptor also reports sent messages, which costs time. Only a latched topic must notice a subscription
-        # at once, so only its socket is watched.
-        self._socket = self.transport.socket(zmq.XPUB, self._on_subscription, None, qos.latched, **options)
-        ending = _ending(self._source)
-        path = self.transport.member.address(ending)
-        self._here = f"ipc://{path}"
-        with as_transport_error(f"binding {path}"), self._socket.lock:
-            self._socket.raw.bind(self._here)
-        self._far = self.transport.far_topic(self.channel, self._here, ending, self._on_subscription, **options)
+        self._path = self.transport.member.address(ending(self._source))
+        self._address = f"ipc://{self._path}"
+        self._here = self._open_here(depth)
+        self._far = self._open_far(depth)
         if self._far is None:
             self._send = self._send_here
-            # sending may consume the report of a subscription: see `_count`
-            self._at_once = self._send if self._history.maxlen else self._socket.send_only
+            # sending may consume the report of a subscription: see `TopicSocket.count`
+            self._at_once = self._send if self._history.maxlen else self._here.socket.send_only
         else:
             self._send = self._at_once = self._send_everywhere
-        self.announce(self._here)
+        self.announce(self._address)
 
     def send(self, payload: Payload, deadline: float = 5.0) -> None:
         end = 0.0
@@ -126,13 +112,13 @@ class Publisher(Link, SupportsSubscribers):
 
     def look(self) -> bool:
         with self._looking:  # an interrupted thread must not overwrite a newer result
-            self._expected = {named for _, entry in self.counterparts() if (named := welcome_topic(entry.address))}
+            self._expected = {named for _, entry in self.counterparts() if (named := self._welcome_of(entry))}
             self._pause = _AT_FIRST
         return True
 
     def tick(self) -> float | None:
         self._count()  # limits the subscriptions that pile up to those between two ticks
-        if self._expected <= self._welcomed:
+        if self._is_known_to_all():
             return super().tick()
         self._pause = min(2 * self._pause, _LATER)
         return self._pause
@@ -140,27 +126,42 @@ class Publisher(Link, SupportsSubscribers):
     def visible(self) -> bool:
         self.counterparts(strict=True)
         self._count()
-        return bool(self._subscribed)
+        return self._is_subscribed()
 
     def connected(self) -> bool:
         if self._far and not self.transport.may_be_known:
             return False
         self._count()
         with self._looking:
-            return self.look() and self._expected <= self._welcomed
+            return self.look() and self._is_known_to_all()
 
     @property
     def has_subscribers(self) -> bool:
-        if not self._subscribed:
+        if not self._is_subscribed():
             self._count()
-        return bool(self._subscribed or self._history.maxlen)
+        return bool(self._is_subscribed() or self._history.maxlen)
 
     def release(self) -> None:
         if self._far:
-            self.transport.end_topic(self._here)
-            self.transport.forget(self._far)
-        if self._socket:
-            self.transport.forget(self._socket)
+            self.transport.end_topic(self._address)
+            self._far.close()
+        if self._here and self._history.maxlen:
+            remove(self._path)
+            self._here.close()
+        elif self._here:
+            self.transport.shared_sockets.leave(self._here, self._path)
+
+    def _open_here(self, depth: int) -> TopicSocket:
+        if self._history.maxlen:
+            opening = partial(open_here, self.transport, self._path, depth, watched=True)
+            return TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
+        return self.transport.shared_sockets.join(self._topic, depth, self._path)
+
+    def _open_far(self, depth: int) -> TopicSocket | None:
+        if not self.transport.bound:
+            return None
+        opening = partial(self.transport.far_topic, self.channel, self._address, ending(self._source), depth)
+        return TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
 
     def _send_everywhere(self, frames: Frames) -> bool:
         """Send on this host and to other hosts. A repetition for lack of room does not send on this host again."""
@@ -169,58 +170,48 @@ class Publisher(Link, SupportsSubscribers):
             if not self._send_here(frames):
                 return False
             self._sent_here = frames
-        self._take_subscriptions(self._far)
-        return self._far.send_only(frames) or (self._lossy and self._far.send_to_some(frames))
+        self._far.take_subscriptions()
+        far = self._far.socket
+        return far.send_only(frames) or (self._lossy and far.send_to_some(frames))
 
     def _send_here(self, frames: Frames) -> bool:
-        assert self._socket
+        assert self._here
+        socket = self._here.socket
         if not self._history.maxlen:
-            return self._socket.send_only(frames) or (self._lossy and self._socket.send_to_some(frames))
-        with self._socket.lock:  # at once, so that a new subscriber gets this message only once, as news or as history
-            if self._take_subscriptions(self._socket):
+            return socket.send_only(frames) or (self._lossy and socket.send_to_some(frames))
+        with socket.lock:  # at once, so that a new subscriber gets this message only once, as news or as history
+            if self._here.take_subscriptions():
                 return False
-            sent = self._socket.send(frames) or (self._lossy and self._socket.send_to_some(frames))
+            sent = socket.send(frames) or (self._lossy and socket.send_to_some(frames))
             if sent:
                 first, *arrays = frames
                 self._history.append([first[len(self._topic) :], *map(bytes, arrays)])
             return sent
 
     def _count(self) -> None:
-        """Handle subscriptions now, even if none was reported."""
-        for socket in (self._socket, self._far):
-            if socket and self._take_subscriptions(socket):
-                self.transport.attend(socket)
+        for each in (self._here, self._far):
+            if each:
+                each.count()
 
-    def _on_subscription(self, socket: Socket) -> list[Job]:
-        if self._take_subscriptions(socket):
-            self.transport.rest(socket, _BREATH)
-        return []
+    def _is_subscribed(self) -> bool:
+        assert self._here
+        return self._topic in self._here.subscribed or bool(self._far and self._far.subscribed)
 
-    def _take_subscriptions(self, socket: Socket) -> bool:
-        """Handle some subscriptions; whether there may be more."""
-        with socket.lock:
-            for _ in range(_TOGETHER):
-                frame = socket.receive_subscription()
-                if frame is None:
-                    return False
-                self._note(socket, frame)
-        return not self.closed.is_set()
+    def _is_known_to_all(self) -> bool:
+        """Whether all subscribers in the directory are connected."""
+        missing = self._expected
+        for each in (self._here, self._far):
+            if each:
+                missing = missing - each.welcomed
+        return not missing
 
-    def _note(self, socket: Socket, frame: zmq.Frame) -> None:
-        octets = frame.bytes
-        begins, named = octets[:1] == b"\1", octets[1:]
-        if not begins and _comes_from_far(frame):
-            return
-        if named == self._topic:
-            (self._subscribed.add if begins else self._subscribed.discard)(socket)
-        elif not begins:
-            self._welcomed.discard(named)
-        elif named[:1] == b"\0" and len(named) == OWN_TOPIC_BYTES:
-            for first, *arrays in list(self._history):  # a copy, since another thread may be sending
-                socket.send([named + first, *arrays])
-        elif is_welcome(named) and len(self._welcomed) < _MOST_WELCOMED:
-            self._welcomed.add(named)
-            socket.send([named])
+    def _welcome_of(self, subscriber: Entry) -> bytes:
+        alike = subscriber.channel == self.channel.name
+        return welcome_topic(subscriber.address, "0" if alike else ending(self._source))
+
+    def _repeat_to(self, socket: Socket, named: bytes) -> None:
+        for first, *arrays in list(self._history):  # a copy, since another thread may be sending
+            socket.send([named + first, *arrays])
 
 
 class Subscriber(SubscribingLink["ZeroMQTransport"]):
@@ -242,7 +233,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         self._welcomed: set[str] = set()
         """The addresses of publishers that have confirmed the connection."""
         self._ending: dict[str, float] = {}
-        """Remote addresses whose publisher has left, and until when its last messages are received."""
+        """Addresses whose publisher has left, and until when its last messages are received."""
 
     def open(self) -> None:
         self.look()
@@ -252,7 +243,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         with self._looking:  # two threads must not connect the same publisher
             found = self.counterparts()
             there = {entry.address: entry.channel for _, entry in found}
-            self._end_far_ones(there)
+            self._end_others(there)
             connected = {address[-6:] for address in self._feeds}  # some have left; their last messages may come
             self._channels = {end: channel for end, channel in self._channels.items() if end in connected}
             self._channels |= {address[-6:]: channel for address, channel in there.items()}
@@ -267,10 +258,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
 
     def tick(self) -> float | None:
         if self._ending:
-            now = time.monotonic()
-            for address in [address for address, end in self._ending.items() if end <= now]:
-                del self._ending[address]
-                self._leave(address)
+            self._leave_those_that_ended()
         if not self._incomplete:
             return _LAST_WORDS if self._ending else super().tick()
         self._incomplete = False
@@ -300,20 +288,41 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 for address in list(self._feeds):
                     self._leave(address)
 
-    def _end_far_ones(self, there: Mapping[str, str]) -> None:
-        """Schedule the end of connections to remote publishers that have left: they would reconnect for ever."""
+    def _end_others(self, there: Mapping[str, str]) -> None:
+        """Schedule the end of connections to publications that are not `there` any more.
+
+        Remote ones would reconnect for ever. On this host, other publications may keep the socket open.
+        """
         end = time.monotonic() + _LAST_WORDS
-        self._ending = {
-            address: self._ending.get(address, end)
-            for address in self._feeds
-            if is_far(address) and address not in there
-        }
+        self._ending = {address: self._ending.get(address, end) for address in self._feeds if address not in there}
+
+    def _leave_those_that_ended(self) -> None:
+        now = time.monotonic()
+        for address in [address for address, end in self._ending.items() if end <= now]:
+            if is_far(address) or self._has_said_all(address):
+                del self._ending[address]
+                self._leave(address)
+            else:
+                self._ending[address] = now + _LAST_WORDS
+
+    def _has_said_all(self, address: str) -> bool:
+        """Whether nothing has come lately from a publication of this host, and nothing waits. Until then it is heard.
+
+        If its process has ended, so has the connection, and what is left of it is received first.
+        """
+        feed = self._feeds.get(address)
+        if feed is None:
+            return True
+        was_active, feed.active = feed.active, False
+        member_id = PurePath(address).name.rpartition("-")[0]
+        return not was_active and feed not in self._muted and self.transport.directory.alive(member_id)
 
     def _connect(self, member: Member, address: str, channel: str) -> None:
         topics = [topic(channel)]
         if self.channel.qos.latched:
             topics.append(b"\0" + random_id().to_bytes(8, "little"))
-        topics.append(welcome_topic(self._id))  # last, so that its confirmation covers the others
+        # last, so that its confirmation covers the others
+        topics.append(welcome_topic(self._id, address[-6:] if channel != self.channel.name else "0"))
         feed: Feed | FarFeed
         try:
             if is_far(address):
@@ -393,7 +402,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
             else:
                 self.malformed(exc)
             return None
-        name = self._channels.get(_ending(header[2]), self.channel.name) if self._reception.on else ""
+        name = self._channels.get(ending(header[2]), self.channel.name) if self._reception.on else ""
         return self.admitted(name, header, payload)
 
     def _drain(self) -> None:
@@ -402,17 +411,6 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
             self._hear_all()
 
 
-def _comes_from_far(ends: zmq.Frame) -> bool:
-    """Whether the end of a subscription was sent by another host. Otherwise, its last connection is gone.
-
-    ZeroMQ passes on what a host sends, even if that connection had no such subscription and others still have it.
-    """
-    try:
-        return bool(ends.get("Peer-Address"))
-    except zmq.ZMQError:
-        return False
-
-
-def _ending(source: int) -> str:
+def ending(source: int) -> str:
     """The ending of the address of a publisher."""
     return f"{source & 0xFFFFFF:06x}"

@@ -49,6 +49,7 @@ from .link import TICK
 from .remote import ACQUAINTED, SILENT, FarFeed, Inquirer, Neighbours, at_far, host_of, is_far, read_record, record
 from .server import Router
 from .sockets import Attended, Loop, Socket, Subscription, as_transport_error, new_socket
+from .topic_sockets import SharedSockets, publishing
 from .topics import Publisher, Subscriber
 from .zmtp import Feed
 
@@ -104,6 +105,7 @@ class ZeroMQTransport(DirectoryTransport):
         self.owner, self.folder = config.owner, _short_enough(runtime_dir("zeromq"))
         self.served = self.folder / "served"
         self._routers: list[Router] = []
+        self.shared_sockets = SharedSockets(self)
         self.directory = Neighbours(self.folder)
         self.member = self.directory.join(config.owner)
         try:
@@ -285,19 +287,27 @@ class ZeroMQTransport(DirectoryTransport):
             self.forget(asked)
             raise
 
+    @property
+    def bound(self) -> bool:
+        """Whether other hosts may reach this transport."""
+        return bool(self._bind)
+
     def far_topic(
-        self, channel: Channel, here: str, ending: str, on_input: Callable[[Socket], list[Job]], **options: int
-    ) -> Socket | None:
-        """The socket by which other hosts receive the topic at address `here`; None without `bind`."""
-        if not self._bind:
-            return None
+        self, channel: Channel, here: str, ending: str, depth: int, on_input: Callable[[Socket], list[Job]]
+    ) -> Socket:
+        """The socket by which other hosts receive the topic at address `here`."""
         self.routers()  # opens the socket for requests of other hosts
         secure = partial(self._curve.serve, channel=channel.name) if self._curve else None
-        socket = self.socket(zmq.XPUB, on_input, secure, **(at_far(self._bind) | options | _FROM_SUBSCRIBERS))
-        self.watch(socket, Kind.SUBSCRIPTIONS)
-        with as_transport_error(f"binding a port of {host_of(self._bind)}"), socket.lock:
-            socket.raw.bind(f"tcp://{host_of(self._bind)}:*")
-            bound = socket.raw.getsockopt_string(zmq.LAST_ENDPOINT)
+        options = at_far(self._bind) | publishing(depth) | _FROM_SUBSCRIBERS
+        socket = self.socket(zmq.XPUB, on_input, secure, **options)
+        try:
+            self.watch(socket, Kind.SUBSCRIPTIONS)
+            with as_transport_error(f"binding a port of {host_of(self._bind)}"), socket.lock:
+                socket.raw.bind(f"tcp://{host_of(self._bind)}:*")
+                bound = socket.raw.getsockopt_string(zmq.LAST_ENDPOINT)
+        except BaseException:
+            self.forget(socket)
+            raise
         self._topic_ports[here] = f"tcp://*:{bound.rpartition(':')[2]}#{ending}"
         return socket
 
