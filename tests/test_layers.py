@@ -50,6 +50,10 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
     "robocomp_py.virtual.simulation": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
     "robocomp_py.lockstep.lockstep": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic", "robocomp_py.virtual"},
+    "robocomp_py.contract.told": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
+    "robocomp_py.wire.json": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.census": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.tap": BUILD | MIDDLEWARES | {"msgpack"},
     "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.classic", "lib2to3"},
     "robocomp_py.cli.rc": MIDDLEWARES
     | {

@@ -13,7 +13,7 @@ import pytest
 from robocomp_py import installed
 
 PACKAGE = Path(__file__).parents[1] / "robocomp_py"
-ROOMS = ("cli", "codegen", "deploy", "graph", "lsp", "runtime")
+ROOMS = ("cli", "codegen", "deploy", "graph", "lsp", "runtime", "tools")
 
 NAMES = {*installed.transports(), "cyclonedds", "iceoryx", "iceoryx2", "icestorm", "zmq"}
 """The transports, and the libraries that they stand on."""

@@ -7,7 +7,8 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import fmt, graph, host, links, lint, lsp, rename, run
+from . import call, echo, fmt, graph, host, hz, links, lint, lsp, rename, run
+from . import list as list_
 from .common import add_version, command, parser
 
 
@@ -24,7 +25,7 @@ class Command(Described, Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host, list_, echo, hz, call)
 """All except `run`, which passes options on to the component."""
 
 _EXAMPLES = """\
@@ -35,6 +36,9 @@ examples:
   rc rename Vault.idsl Vault.size count   rename something in models and in the code that uses it
   rc graph net.ddsl -o net.svg        draw a network, or a state machine
   rc links net.ddsl                   what carries the messages between its instances
+  rc list                             what runs now
+  rc echo LaserPub                    what it publishes; `rc hz` tells how often
+  rc call Speech/say text=hello overwrite=true
   rc host zenoh                       the router that components share, if nothing else runs it
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left

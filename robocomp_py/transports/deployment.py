@@ -24,6 +24,7 @@ from .permissions import Graph
 
 if TYPE_CHECKING:
     from ..contract.component import Component, Port
+    from .census import Told
 
 OTHER_COLOUR = "#1f6fb2"
 
@@ -112,6 +113,8 @@ class Deployment:
     """Whether its components share a program, which the `host` of its factory runs with their options."""
     ports_of_interfaces = False
     """Whether each interface that an instance provides to another host has a port of its own."""
+    directory = ""
+    """Its folder in the run-time folder, if its processes announce there what they offer and use."""
     longest_socket = ""
     """The longest path that a socket of it may have below the run-time folder."""
     leaves_memory = False
@@ -141,6 +144,17 @@ class Deployment:
                 for way in network.crossing()
             )
         )
+
+    def census(self, options: Mapping[str, Any]) -> list[Told] | None:
+        """All ends of channels that processes announce now, for a process with these options; None if it cannot tell.
+
+        Opens no link. Raises TransportError.
+        """
+        if not self.directory:
+            return None
+        from .directory import census  # most commands do without
+
+        return census(self.directory)
 
     def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
         """What is wrong with the options of an instance, before it opens anything."""

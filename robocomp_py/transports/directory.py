@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
+from .census import Told
 from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept, sweep
 from .inotify import UNWATCHED, Watch
 from .owned import NotOurs, make_private
@@ -143,6 +144,37 @@ def _temporary() -> Path:
         return Path(tempfile.gettempdir())
     except OSError as exc:  # it tries to write a file, which fails without free descriptors, for example
         raise ConfigurationError(f"run-time folder: {exc.strerror}; set ROBOCOMP_RUNTIME_DIR") from exc
+
+
+def census(transport: str) -> list[Told]:
+    """What the members of a transport announce now. The caller does not become one. Raises TransportError."""
+    return [
+        Told(member.owner, member.pid, entry.role, entry.channel, entry.fingerprint, entry.text, entry.traits)
+        for member in _members(runtime_dir(transport))
+        for entry in member.entries
+    ]
+
+
+def _members(folder: Path) -> list[Member]:
+    """All members that live, in the order of their identifiers."""
+    members = []
+    try:
+        for name in sorted(os.listdir(folder)):
+            if name.endswith(".json") and (member := _living(folder, name.removesuffix(".json"))):
+                members.append(member)
+    except FileNotFoundError:
+        return []  # nothing uses it
+    except OSError as exc:
+        raise TransportError(f"run-time folder {folder} cannot be read: {exc.strerror}") from exc
+    return members
+
+
+def _living(folder: Path, member_id: str) -> Member | None:
+    try:
+        member = _understood(_content(folder / f"{member_id}.json"), member_id)
+    except FileNotFoundError:
+        return None  # it has just left
+    return member if member and _locked(folder / f"{member_id}.lock") else None
 
 
 class _Places(NamedTuple):

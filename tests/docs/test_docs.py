@@ -168,14 +168,17 @@ def test_the_guide_to_security_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
-def test_the_guide_to_running_networks_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "deploying.md"))
-    assert len(done) > 12
+@pytest.mark.parametrize(("page", "least", "network"), [("deploying", 12, "home"), ("looking", 12, "house")])
+def test_a_guide_with_a_detached_network_works_as_written(page: str, least: int, network: str, tmp_path: Path) -> None:
+    done = list(steps(DOCS / "guides" / f"{page}.md"))
+    assert len(done) > least
     try:
         for step in done:
             do(step, tmp_path)
     finally:
-        subprocess.run([sys.executable, "-m", "robocomp_py.cli.rcdeploy", "down", "home", "--now"], capture_output=True)
+        subprocess.run(
+            [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "down", network, "--now"], capture_output=True
+        )
 
 
 def test_the_picture_of_the_example_network_is_as_it_would_be_drawn(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from ..network import Network, Placement, Wiring
 class IceDeployment(Deployment):
     summary = "ZeroC Ice, as RoboComp's own programs speak it"
     colour = "#0e7490"
+    directory = "ice"
     crosses_hosts = True
     unprotected = "Ice as RoboComp's programs speak it has neither authentication nor encryption"
     ports_of_interfaces = True

@@ -8,6 +8,7 @@ from ..deployment import Deployment, Near
 class ShmDeployment(Deployment):
     summary = "memory that the processes of one host share"
     colour = "#0f8a5f"
+    directory = "shm"
     near = Near.HOST
     unprotected = ""  # one user of one host
     shares = False

@@ -12,6 +12,7 @@ from ..network import PORTS, Network, Refusal, Site, Wiring
 class ZeroMQDeployment(Deployment):
     summary = "bytes through sockets of ZeroMQ"
     colour = "#b3261e"
+    directory = "zeromq"
     crosses_hosts = keyed = True
     unprotected = ""  # other machines are let in only by their keys
     shares = False

@@ -1,0 +1,142 @@
+"""`rc call`: calls a query, or sends a command."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE, USAGE, WRONG
+from .live import EXIT_STATUS, Absent, add_middleware, add_waiting, awaited, one_of, positive, reported
+
+if TYPE_CHECKING:
+    from ..tools.network import Channel, Network
+
+NAME = "call"
+HELP = "call a query of a component, or send it a command"
+
+_EXAMPLES = f"""\
+examples:
+  rc call world/DifferentialRobot/getBaseState             what takes no arguments
+  rc call setSpeedBase adv=200 rot=0.1                     arguments by their names
+  rc call speech/Speech/say '{{"text": "hello", "overwrite": true}}'
+  rc call GotoPoint/go @where.json                         the arguments from a file
+  rc call GotoPoint/go                                     shows what it takes
+
+The answer is printed as JSON. A declared exception is printed with its fields, and the exit status is 1.
+
+{EXIT_STATUS}
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = "Call a query of a running component and print its answer, or send it a command."
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument("operation", metavar="NAME", help="world/Laser/getLaserData, or an unambiguous part of such a name")
+    to.add_argument(
+        "arguments", nargs="*", metavar="ARGUMENT", help="a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
+    )
+    to.add_argument(
+        "--deadline", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for the answer (default: 5)"
+    )
+    add_waiting(to)
+    add_middleware(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    with reported("rc call") as code:
+
+        def pick(network: Network) -> Channel:
+            return callable_in(network, options.operation)
+
+        return _call(awaited(options, pick), options)
+    return code()
+
+
+def callable_in(network: Network, name: str) -> Channel:
+    """The served query or command that a name means. Raises ValueError."""
+    from ..contract.interface import Pattern
+
+    channel = one_of(network, name)
+    if channel.pattern is Pattern.PUBLISH:
+        raise ValueError(f"{channel.name} is a topic; `rc echo {name}` prints what is published")
+    if not channel.providers:
+        raise ValueError(f"no component serves {channel.name}")
+    return channel
+
+
+def _call(channel: Channel, options: argparse.Namespace) -> int:
+    from ..contract.interface import Pattern
+    from ..tools.access import Access, ThrownError
+    from ..wire import json as values
+
+    operation = channel.operation
+    if operation.inputs and not options.arguments:
+        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
+        print(json.dumps(values.template(operation.inputs)))
+        return USAGE
+    try:
+        given = arguments_of(options.arguments)
+        taken = values.taken(operation.inputs, given, operation.name)
+    except ValueError as exc:
+        print(f"rc call: {exc}", file=sys.stderr)
+        return USAGE
+    with Access() as access:
+        if channel.pattern is Pattern.COMMAND:
+            outlet, call = access.outlet(channel)
+            if not outlet.wait_peer(options.timeout):
+                raise Absent(f"no component serves {channel.name}")
+            outlet.send(call.encode(taken), options.deadline)
+            return FINE
+        try:
+            results = access.ask(channel, taken, options.deadline)
+        except ThrownError as exc:
+            fields = values.shown(exc.kind.all_fields, exc.values)
+            print(f"rc call: {exc.kind.name.replace('::', '.')}: {json.dumps(fields)}", file=sys.stderr)
+            return WRONG
+    shown = values.shown(operation.outputs, results)
+    print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None))
+    return FINE
+
+
+def arguments_of(words: list[str]) -> Any:
+    """The object that these words of a command line describe. Raises ValueError."""
+    if len(words) == 1 and words[0].startswith("@"):
+        path = Path(words[0][1:])
+        try:
+            return _loaded(path.read_text(encoding="utf-8"), str(path))
+        except OSError as exc:
+            raise ValueError(f"{path}: {exc.strerror}") from exc
+    if len(words) == 1 and words[0].lstrip().startswith("{"):
+        return _loaded(words[0], "the argument")
+    found: dict[str, Any] = {}
+    for word in words:
+        path_, equals, text = word.partition("=")
+        if not equals:
+            raise ValueError(f"{word!r} is neither FIELD=VALUE, nor a JSON object, nor @FILE")
+        *above, last = path_.split(".")
+        inner = found
+        for name in above:
+            inner = inner.setdefault(name, {})
+            if not isinstance(inner, dict):
+                raise ValueError(f"{word!r}: `{name}` has a value of its own")
+        inner[last] = _value(text)
+    return found
+
+
+def _value(text: str) -> Any:
+    """JSON, or text as it is."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _loaded(text: str, what: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError as exc:
+        raise ValueError(f"{what} is no JSON: {exc}") from exc

@@ -1,0 +1,123 @@
+"""`rc list`: what runs, and what it offers and uses."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from .common import FINE, WRONG
+from .live import EXIT_STATUS, add_json, add_middleware, reported
+
+if TYPE_CHECKING:
+    from ..tools.network import Network
+
+NAME = "list"
+HELP = "list the components that run now, or their topics, queries and commands"
+
+_EXAMPLES = f"""\
+examples:
+  rc list                       components: what they offer, and what they use of others
+  rc list --channels            topics, queries and commands: who provides and who uses each
+  rc list --topics --json       only topics, one a line, for machines
+  rc list --all                 also the interfaces of the framework, such as CommonBehavior
+
+{EXIT_STATUS}
+"""
+
+_KINDS = {"topics": "publish", "queries": "query", "commands": "command"}
+
+_UNBROKEN = 1000
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "List what runs now on this host, as its processes announce it. Neither models nor generated code are needed. "
+        "Components that share one process and use no middleware are not seen."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    to.add_argument("--channels", action="store_true", help="list channels instead of components")
+    for name in _KINDS:
+        to.add_argument(f"--{name}", action="store_true", help=f"list {name} instead of components")
+    to.add_argument("--all", action="store_true", help="also interfaces of the framework")
+    add_middleware(to)
+    add_json(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.census import take_census
+
+    with reported("rc list") as code:
+        network = take_census(options.middleware, own=options.all)
+        kinds = [kind for name, kind in _KINDS.items() if getattr(options, name)]
+        if options.channels or kinds:
+            return _channels(network, kinds or list(_KINDS.values()), as_json=options.json)
+        return _components(network, as_json=options.json)
+    return code()
+
+
+def _components(network: Network, *, as_json: bool) -> int:
+    found = network.components()
+    if as_json:
+        for each in found:
+            print(json.dumps(asdict(each)))
+    elif found:
+        rows = [
+            (each.owner or "?", str(each.pid), *map(_listed, (each.middlewares, each.offers, each.uses)))
+            for each in found
+        ]
+        _table(("component", "process", "over", "offers", "uses"), rows)
+    return _told(bool(found))
+
+
+def _channels(network: Network, kinds: list[str], *, as_json: bool) -> int:
+    found = [each for each in network.channels.values() if each.pattern in kinds]
+    rows = []
+    for each in found:
+        providers, users = ([end.told.owner or "?" for end in ends] for ends in (each.providers, each.users))
+        provided, used = list(dict.fromkeys(providers)), list(dict.fromkeys(users))
+        if as_json:
+            print(
+                json.dumps(
+                    {
+                        "channel": each.name,
+                        "pattern": each.pattern,
+                        "middlewares": each.middlewares,
+                        "providers": provided,
+                        "users": used,
+                    }
+                )
+            )
+        rows.append((each.name, str(each.pattern), *map(_listed, (each.middlewares, provided, used))))
+    if found and not as_json:
+        _table(("channel", "pattern", "over", "provided by", "used by"), rows)
+    return _told(bool(found))
+
+
+def _told(found: bool) -> int:
+    if not found:
+        print("rc list: nothing of this kind runs on this host", file=sys.stderr)
+    return FINE if found else WRONG
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
+    for column in head:
+        table.add_column(column, no_wrap=column in ("component", "channel"))
+    for row in rows:
+        table.add_row(*map(Text, row))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _UNBROKEN
+    console.print(table)

@@ -1,0 +1,37 @@
+"""Asks the middlewares which ends of channels there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from ..errors import ConfigurationError, TransportError
+from ..transports.deployment import deployment_of, deployments
+from .network import End, Network
+
+
+def take_census(middlewares: Sequence[str] = (), *, own: bool = False) -> Network:
+    """What runs now over these middlewares, by default over all that can tell.
+
+    With `own`, the interfaces of the framework are shown, too. Raises ConfigurationError if a named middleware cannot
+    tell, and TransportError.
+    """
+    ends: list[End] = []
+    for name in middlewares or _nearest_first(deployments()):
+        found = _ends(name)
+        if found is None and middlewares:
+            raise ConfigurationError(f"{name} cannot tell what uses it")
+        ends += found or ()
+    return Network(ends, own=own)
+
+
+def _nearest_first(names: Iterable[str]) -> list[str]:
+    """Middlewares that stay on one host come first, since they cost least there."""
+    return sorted(names, key=lambda name: (deployment_of(name).near is None, name))
+
+
+def _ends(middleware: str) -> list[End] | None:
+    try:
+        found = deployment_of(middleware).census({})
+    except TransportError as exc:
+        raise TransportError(f"{middleware}: {exc}") from exc
+    return None if found is None else [End(middleware, told) for told in found]

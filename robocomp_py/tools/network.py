@@ -1,0 +1,174 @@
+"""What runs now, from what all processes announce. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from ..contract import told
+from ..contract.interface import Operation, Pattern
+from ..contract.qos import DEFAULT_QOS, QoS, from_traits
+from ..spelling import closest
+from ..transports.census import Told
+from ..wire import names
+
+PATTERNS = {
+    "publishes": Pattern.PUBLISH,
+    "subscribes": Pattern.PUBLISH,
+    "commands": Pattern.COMMAND,
+    "receives": Pattern.COMMAND,
+    "calls": Pattern.QUERY,
+    "serves": Pattern.QUERY,
+}
+"""By the role of an end."""
+
+PROVIDERS = frozenset(("publishes", "receives", "serves"))
+"""The roles whose channels have the name of their own instance."""
+
+OWN = frozenset(("CommonBehavior", "LockstepLeader", "LockstepFollower"))
+"""Interfaces of the framework, which are shown only if they are asked for."""
+
+
+@dataclass(frozen=True)
+class End:
+    """One end of a channel."""
+
+    middleware: str
+    told: Told
+
+    @property
+    def role(self) -> str:
+        return self.told.role
+
+    @property
+    def provides(self) -> bool:
+        return self.told.role in PROVIDERS
+
+
+@dataclass
+class Channel:
+    """A channel by its full name, with all its ends. Ends that name no instance belong to no channel of their own."""
+
+    name: str
+    pattern: Pattern
+    ends: list[End] = field(default_factory=list)
+
+    @property
+    def instance(self) -> str:
+        return names.instance(self.name)
+
+    @property
+    def interface(self) -> str:
+        return names.segment(self.name)
+
+    @property
+    def providers(self) -> list[End]:
+        return [each for each in self.ends if each.provides]
+
+    @property
+    def users(self) -> list[End]:
+        return [each for each in self.ends if not each.provides]
+
+    @property
+    def middlewares(self) -> list[str]:
+        """Those over which it can be reached: of its providers, else of its users."""
+        return list(dict.fromkeys(each.middleware for each in self.providers or self.users))
+
+    @property
+    def texts(self) -> dict[int, str]:
+        """The different contracts by their fingerprints, those of providers first."""
+        found: dict[int, str] = {}
+        for each in (*self.providers, *self.users):
+            found.setdefault(each.told.fingerprint, each.told.text)
+        return found
+
+    @cached_property
+    def operation(self) -> Operation[Any]:
+        """As its providers announce it. Raises ValueError if that is not understood."""
+        return told.operation(next(iter(self.texts.values())))
+
+    @property
+    def qos(self) -> QoS:
+        """What its publishers offer."""
+        return next((from_traits(each.told.traits) for each in self.providers if each.told.traits), DEFAULT_QOS)
+
+
+@dataclass
+class Running:
+    """One component, or another program that announces ends."""
+
+    owner: str
+    pid: int
+    middlewares: list[str] = field(default_factory=list)
+    offers: list[str] = field(default_factory=list)
+    """Its interfaces, as `Laser`; of another instance that it stands for, `front/Laser`."""
+    uses: list[str] = field(default_factory=list)
+    """`Laser of world`, or `Laser` of any instance."""
+
+
+class Network:
+    """All channels, and who uses them."""
+
+    def __init__(self, every: Iterable[End], *, own: bool = False) -> None:
+        """With `own`, the interfaces of the framework belong to it, too."""
+        known = [each for each in every if _is_understood(each.told)]
+        self._ends = [each for each in known if own or names.segment(each.told.channel) not in OWN]
+        self.channels: dict[str, Channel] = {}
+        for each in (end for end in self._ends if not _is_any(end.told.channel)):
+            name = each.told.channel
+            self.channels.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
+        for each in (end for end in self._ends if _is_any(end.told.channel)):
+            for channel in self.channels.values():
+                if PATTERNS[each.role] is channel.pattern and names.matches(each.told.channel, channel.name):
+                    channel.ends.append(each)
+        self.channels = dict(sorted(self.channels.items()))
+
+    def components(self) -> list[Running]:
+        """In the order of their names."""
+        found: dict[tuple[str, int], Running] = {}
+        for end in self._ends:
+            told = end.told
+            running = found.setdefault((told.owner, told.pid), Running(told.owner, told.pid))
+            instance, interface = names.instance(told.channel), names.segment(told.channel)
+            if end.provides:
+                where = running.offers
+                text = interface if instance == told.owner else f"{instance}/{interface}"
+            else:
+                where = running.uses
+                text = interface if instance == names.ANY else f"{interface} of {instance}"
+            for listed, one in ((where, text), (running.middlewares, end.middleware)):
+                if one not in listed:
+                    listed.append(one)
+        return sorted(found.values(), key=lambda each: (each.owner, each.pid))
+
+    def named(self, name: str) -> list[Channel]:
+        """The channels that a name means: `world/LaserPub/pushLaserData` or a part of it between slashes.
+
+        Raises ValueError if there is none, with the closest ones.
+        """
+        wanted = name.strip("/").split("/")
+        found = [each for each in self.channels.values() if _contains(each.name.split("/"), wanted)]
+        if not found:
+            raise ValueError(self._unknown(name))
+        return found
+
+    def _unknown(self, name: str) -> str:
+        parts = {"/".join(each.split("/")[-count:]) for each in self.channels for count in (1, 2, 3)}
+        parts |= {part for each in self.channels for part in each.split("/")}
+        parts |= {each.rpartition("/")[0] for each in self.channels}
+        near = closest(name.strip("/"), parts)
+        return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
+
+
+def _is_understood(told: Told) -> bool:
+    return told.role in PATTERNS and told.channel.count("/") >= 2 and told.channel.isprintable()
+
+
+def _is_any(channel: str) -> bool:
+    return names.instance(channel) == names.ANY
+
+
+def _contains(parts: Sequence[str], wanted: Sequence[str]) -> bool:
+    return any(parts[at : at + len(wanted)] == wanted for at in range(len(parts) - len(wanted) + 1))

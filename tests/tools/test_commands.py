@@ -1,0 +1,188 @@
+"""`rc list`, `rc echo`, `rc hz` and `rc call` against components that run, over every middleware that can tell."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from robocomp_py.cli import rc
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.tools.access import Access
+from robocomp_py.tools.census import take_census
+from robocomp_py.transports.base import find_transport
+from robocomp_py.transports.deployment import deployments
+
+from ..runtime.components import Calculator
+from ..runtime.test_middlewares import Station
+from ..runtime.test_run import make, running
+
+TELLERS = sorted(name for name, each in deployments().items() if each.directory and name != "ice")
+"""Topics over Ice need IceStorm."""
+
+
+class Talker(Station):
+    """Publishes all the time."""
+
+    component = Station.component
+    number = 0
+
+    def compute(self) -> None:
+        self.number += 1
+        self.everything_proxy.news(self.number, "hello")
+
+    def Everything_poke(self, number: int) -> None:
+        self.entries.append(f"poked {number}")
+
+
+@pytest.fixture(params=TELLERS)
+def talker(request: pytest.FixtureRequest) -> Iterator[Any]:
+    over = f"middleware={request.param}"
+    with running(make(Talker, find_transport, over, name="talker")) as worker:
+        wait_until(lambda: "talker/Everything/news" in take_census([request.param]).channels)
+        worker.middleware_used = request.param
+        yield worker
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> str:
+    """What a command prints."""
+    assert rc.main(list(arguments)) == code, capsys.readouterr()
+    return capsys.readouterr().out
+
+
+def complained(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 1) -> str:
+    assert rc.main(list(arguments)) == code, capsys.readouterr()
+    return capsys.readouterr().err
+
+
+def test_components_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    found = [json.loads(line) for line in said(capsys, "list", "--json").splitlines()]
+    (one,) = [each for each in found if each["owner"] == "talker"]
+    assert one == {
+        "owner": "talker",
+        "pid": os.getpid(),
+        "middlewares": [talker.middleware_used],
+        "offers": ["Everything"],
+        "uses": [],
+    }
+    assert "talker" in said(capsys, "list")
+
+
+def test_channels_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [json.loads(line) for line in said(capsys, "list", "--topics", "--json").splitlines()]
+    assert lines == [
+        {
+            "channel": "talker/Everything/news",
+            "pattern": "publish",
+            "middlewares": [talker.middleware_used],
+            "providers": ["talker"],
+            "users": [],
+        }
+    ]
+    assert re.search(r"talker/Everything/divide +query +", said(capsys, "list", "--channels"))
+    assert "talker/CommonBehavior/getState" in said(capsys, "list", "--queries", "--all")
+
+
+def test_a_topic_is_heard(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [json.loads(line) for line in said(capsys, "echo", "Everything", "-n", "3", "--json").splitlines()]
+    assert [each["channel"] for each in lines] == ["talker/Everything/news"] * 3
+    assert all(each["message"]["text"] == "hello" for each in lines)
+    numbers = [each["message"]["number"] for each in lines]
+    assert numbers == list(range(numbers[0], numbers[0] + 3))
+    assert said(capsys, "echo", "news", "-n", "1", "--field", "text").rstrip().endswith('"hello"')
+    assert "there is number, text" in complained(capsys, "echo", "news", "-n", "1", "--field", "txt")
+
+
+def test_the_rate_of_a_topic_is_measured(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    *_, last = (json.loads(line) for line in said(capsys, "hz", "news", "--for", "1.2", "--json").splitlines())
+    assert last["channel"] == "talker/Everything/news"
+    assert 0 < last["hz"] < 1000
+    assert last["messages"] > 1
+    assert last["shortest_s"] <= 1 / last["hz"] <= last["longest_s"]
+
+
+def test_a_query_is_called(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert json.loads(said(capsys, "call", "divide", "dividend=17", "divisor=5")) == {"ret": 3, "remainder": 2}
+    assert json.loads(said(capsys, "call", "talker/Everything/divide", '{"dividend": 9, "divisor": 3}'))
+    thrown = complained(capsys, "call", "divide", "dividend=1", "divisor=0")
+    assert thrown == 'rc call: Conformance.Failed: {"what": "division by zero", "code": 7}\n'
+
+
+@pytest.mark.tool
+def test_a_query_is_called_over_ice(capsys: pytest.CaptureFixture[str]) -> None:
+    with running(make(Calculator, find_transport, "middleware=ice", name="reckoner")):
+        assert json.loads(said(capsys, "call", "reckoner/Everything/divide", "dividend=17", "divisor=5"))["ret"] == 3
+
+
+def test_a_command_is_sent(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    said(capsys, "call", "poke", "number=4")
+    wait_until(lambda: "poked 4" in talker.entries)
+
+
+def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert json.loads(said(capsys, "call", "divide", code=2)) == {"dividend": 0, "divisor": 0}
+
+
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+@pytest.mark.parametrize(
+    ("arguments", "code", "why"),
+    [
+        (("call", "divide", "dividend=1"), 2, "divide: lacks `divisor`; it takes {dividend int64, divisor int64}"),
+        (("call", "divide", "dividend"), 2, "'dividend' is neither FIELD=VALUE, nor a JSON object, nor @FILE"),
+        (("call", "divide", "{"), 2, "the argument is no JSON"),
+        (("call", "divide", "@nowhere.json"), 2, "nowhere.json: No such file or directory"),
+        (("call", "divide", "dividend.x=1", "dividend=2", "divisor=3", "dividend.y=1"), 2, "has a value of its own"),
+        (("call", "Everything", "--timeout", "0.1"), 1, "`Everything` may be talker/Everything/divide, talker/"),
+        (("call", "news", "--timeout", "0.1"), 1, "is a topic; `rc echo news` prints what is published"),
+        (("echo", "divide", "--timeout", "0.1"), 1, "is no topic that is published: talker/Everything/divide is a"),
+        (("echo", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),
+        (("hz", "elephant", "--timeout", "0.1"), 1, "`elephant` is not there; `rc list --channels` shows all"),
+        (("list", "--middleware", "inproc"), 2, "inproc cannot tell what uses it"),
+    ],
+)
+def test_what_is_wrong_is_told(
+    talker: Any, arguments: tuple[str, ...], code: int, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert why in complained(capsys, *arguments, code=code)
+
+
+@pytest.mark.parametrize("arguments", [("echo", "a", "-n", "0"), ("hz", "a", "--for", "-1"), ("echo",), ("call",)])
+def test_usage_is_told(arguments: tuple[str, ...]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        rc.main(list(arguments))
+    assert ended.value.code == 2
+
+
+def test_nothing_runs(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert complained(capsys, "list") == "rc list: nothing of this kind runs on this host\n"
+
+
+def test_a_topic_that_is_silent_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    with running(make(Station, find_transport, "middleware=shm", name="silent")):
+        assert "nothing was heard in 0.2 s" in complained(capsys, "echo", "silent/Everything", "--timeout", "0.2")
+
+
+def test_a_tool_waits_for_what_is_not_there_yet(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is started first, as in another terminal."""
+    codes: list[int] = []
+    hearing = threading.Thread(target=lambda: codes.append(rc.main(["echo", "late/Everything", "-n", "1"])))
+    hearing.start()
+    with running(make(Talker, find_transport, "middleware=shm", name="late")):
+        hearing.join(SOON)
+    assert codes == [0]
+
+
+def test_no_publisher_waits_for_a_tool(talker: Any) -> None:
+    """A reliable publisher goes on while a tool takes nothing."""
+    may_end = []
+    channel = take_census([talker.middleware_used]).channels["talker/Everything/news"]
+    with Access() as access:
+        access.hear(channel, lambda payload: wait_until(lambda: may_end), 10)
+        reached = talker.number
+        wait_until(lambda: talker.number > reached + 30)
+        may_end.append(True)

@@ -1,0 +1,88 @@
+"""What runs, from what is announced."""
+
+from __future__ import annotations
+
+import pytest
+
+from robocomp_py.contract.interface import Pattern
+from robocomp_py.testing import everything as e
+from robocomp_py.tools.network import End, Network
+from robocomp_py.transports.census import Told
+
+
+def end(owner: str, role: str, channel: str, *, middleware: str = "near", pid: int = 1, traits: str = "") -> End:
+    operation = e.news if role in ("publishes", "subscribes") else e.divide
+    return End(middleware, Told(owner, pid, role, channel, operation.fingerprint, operation.text, traits))
+
+
+ENDS = [
+    end("world", "publishes", "world/Everything/news", traits="rl"),
+    end("world", "publishes", "world/Everything/news", middleware="far", traits="rl"),
+    end("world", "serves", "world/Everything/divide"),
+    end("world", "serves", "world/CommonBehavior/getState"),
+    end("eye", "subscribes", "*/Everything/news", pid=2),
+    end("hand", "calls", "world/Everything/divide", pid=3),
+    end("hand", "calls", "gone/Everything/divide", pid=3),
+]
+
+
+def test_components_are_listed_with_what_they_offer_and_use() -> None:
+    eye, hand, world = Network(ENDS).components()
+    assert (eye.owner, eye.pid, eye.offers, eye.uses) == ("eye", 2, [], ["Everything"])
+    assert (hand.offers, hand.uses) == ([], ["Everything of world", "Everything of gone"])
+    assert (world.offers, world.uses, world.middlewares) == (["Everything"], [], ["near", "far"])
+
+
+def test_the_interfaces_of_the_framework_are_shown_if_asked_for() -> None:
+    assert "world/CommonBehavior/getState" not in Network(ENDS).channels
+    assert "world/CommonBehavior/getState" in Network(ENDS, own=True).channels
+
+
+def test_an_instance_that_a_component_stands_for_is_named() -> None:
+    (world,) = Network([end("world", "serves", "front/Everything/divide")]).components()
+    assert world.offers == ["front/Everything"]
+
+
+def test_a_channel_knows_its_ends_its_contract_and_its_qos() -> None:
+    news = Network(ENDS).channels["world/Everything/news"]
+    assert (news.pattern, news.instance, news.interface) == (Pattern.PUBLISH, "world", "Everything")
+    assert [each.told.owner for each in news.providers] == ["world", "world"]
+    assert [each.told.owner for each in news.users] == ["eye"], "it hears every instance"
+    assert news.middlewares == ["near", "far"]
+    assert news.operation.name == "news"
+    assert news.qos.reliable
+    assert news.qos.latched
+
+
+@pytest.mark.parametrize(
+    "name", ["world/Everything/news", "/world/Everything/news", "Everything/news", "news", "world/Everything"]
+)
+def test_a_part_of_a_name_is_enough(name: str) -> None:
+    assert "world/Everything/news" in [each.name for each in Network(ENDS).named(name)]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("Everythin", "`Everythin` is not there; did you mean `Everything`?"),
+        ("wrld/Everything", "did you mean `world/Everything`?"),
+        ("thing/news", "did you mean `Everything/news`?"),
+        ("elephant", "`rc list --channels` shows all"),
+    ],
+)
+def test_a_name_that_is_not_there_is_refused_with_the_closest(name: str, hint: str) -> None:
+    with pytest.raises(ValueError, match=r"is not there") as caught:
+        Network(ENDS).named(name)
+    assert hint in str(caught.value)
+
+
+@pytest.mark.parametrize(("role", "channel"), [("dances", "a/B/c"), ("serves", "c"), ("serves", "a/\n/c")])
+def test_what_is_not_understood_is_left_out(role: str, channel: str) -> None:
+    assert not Network([End("near", Told("x", 1, role, channel, 0, ""))]).components()
+
+
+def test_a_contract_that_is_not_understood_is_no_reason_to_hide_a_channel() -> None:
+    found = Network([End("near", Told("x", 1, "serves", "a/B/c", 0, "riddle"))])
+    assert list(found.channels) == ["a/B/c"]
+    with pytest.raises(ValueError, match=r"not understood|is missing|unpack"):
+        _ = found.channels["a/B/c"].operation
