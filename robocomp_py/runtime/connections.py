@@ -16,6 +16,7 @@ from ..contract.interface import Operation, Pattern, Verb
 from ..contract.middleware import carrier
 from ..contract.qos import QoS
 from ..errors import AlreadyServed, ConfigurationError, TransportError, Unreachable
+from ..transports import headroom
 from ..transports.base import (
     Link,
     Transport,
@@ -170,6 +171,8 @@ class Connections:
                     entry.counters = counted.routes(routes)
             entry.bound = Bound(port, routes, tuple(links), entry.name)
             self.bound = [*self.bound, entry.bound]
+        if self._is_ready:
+            headroom.check(self._settings.instance)
         if self._counts and self._is_ready:  # it publishes at an instant, and no subscriber may miss that
             about_to_block()
             self._connect(entry.bound)

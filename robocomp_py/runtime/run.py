@@ -17,6 +17,7 @@ from ..contract.parameters import build
 from ..contract.statemachine import label
 from ..errors import Closed, ComponentError, ConfigurationError, RobocompError, TransportError
 from ..threads import start_thread
+from ..transports import headroom
 from ..transports.base import TransportFactory, find_transport
 from ..wire import names
 from .clock import NEVER, SECOND, Clock, Real, Virtual, ns
@@ -402,6 +403,7 @@ class Running:
         self._connections.tell_missing()
         if not self._lockstep:
             self._tell_ready()  # last: the launcher then starts components that depend on this one
+        headroom.check(self.settings.instance)
 
     def _tell_ready(self) -> None:
         log.info("ready")

@@ -20,7 +20,8 @@ from robocomp_py.runtime.effective import as_toml, effective
 from robocomp_py.runtime.instances import InstanceHandler
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.instances import House, InstancesConformance, InstancesSuite, Teller
-from robocomp_py.testing.patience import SOON
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports import headroom
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport
 from robocomp_py.transports.inproc import InprocTransport
 from tests.transports.domains import DOMAIN
@@ -102,6 +103,18 @@ class TestOfAComponent(OverInproc):
             house.teller.remove("fromt")
         with pytest.raises(KeyError, match="front"):
             _ = house.teller["fromt"]
+
+    def test_it_warns_of_a_limit_when_it_is_ready_and_when_an_instance_is_added(
+        self, ending: ExitStack, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        monkeypatch.setattr(headroom, "_SHARE", 0.0)
+        monkeypatch.setattr(headroom, "_told", told := set[str]())
+        house = self.start(ending)
+        wait_until(lambda: "file descriptors are in use" in caplog.text)
+        caplog.clear()
+        told.clear()
+        house.teller.add("front", Teller())
+        assert "file descriptors are in use" in caplog.text
 
     def test_instances_are_a_mapping(self, house: House) -> None:
         front = house.news.add("front")
