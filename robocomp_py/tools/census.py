@@ -32,6 +32,8 @@ def _nearest_first(names: Iterable[str]) -> list[str]:
 def _ends(middleware: str) -> list[End] | None:
     try:
         found = deployment_of(middleware).census({})
+    except ImportError:
+        return None  # so no component on this host uses it
     except TransportError as exc:
         raise TransportError(f"{middleware}: {exc}") from exc
     return None if found is None else [End(middleware, told) for told in found]

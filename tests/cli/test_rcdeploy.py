@@ -447,7 +447,9 @@ def test_the_plan_can_be_read_by_machines(folder: Path, capsys: pytest.CaptureFi
     assert rcdeploy(["plan", str(folder / "net.ddsl"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [each["name"] for each in found["processes"]] == ["hello", "asker"]
-    assert found["links"] == [{"interface": "Hello", "provider": "hello", "client": "asker", "verb": "requires"}]
+    assert found["links"] == [
+        {"interface": "Hello", "provider": "hello", "client": "asker", "verb": "requires", "named": ""}
+    ]
 
 
 def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

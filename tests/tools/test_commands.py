@@ -16,14 +16,12 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
-from robocomp_py.transports.deployment import deployments
 
 from ..runtime.components import Calculator
-from ..runtime.test_middlewares import Station
+from ..runtime.test_middlewares import MIDDLEWARES, Station
 from ..runtime.test_run import make, running
 
-TELLERS = sorted(name for name, each in deployments().items() if each.directory and name != "ice")
-"""Topics over Ice need IceStorm."""
+TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
 
 
 class Talker(Station):

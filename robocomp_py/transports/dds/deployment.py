@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from ..census import Told
 from ..deployment import Deployment, Reached
 from ..network import Network, Refusal, Wiring, block_of
 
@@ -22,6 +23,11 @@ class DDSDeployment(Deployment):
     unprotected = "DDS as pip installs it has neither authentication nor encryption"
     shares = False
     modules = (("cyclonedds", "cyclonedds"),)
+
+    def census(self, options: Mapping[str, Any]) -> list[Told]:
+        from .census import census  # imports the middleware
+
+        return census(options)
 
     def wire(self, network: Network) -> Wiring:
         refusals = tuple(

@@ -113,6 +113,11 @@ class Endpoints:
             found |= dict.fromkeys(each for each in stars if matches(each.channel, channel))
             return list(found)
 
+    def every(self) -> list[Endpoint]:
+        """All readers, writers and announced links."""
+        with self._lock:
+            return [each for endpoints in self._known.values() for each in endpoints]
+
     def on_topic(self, topic: str) -> list[Endpoint]:
         """All readers and writers of a topic."""
         with self._lock:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from ..census import Told
 from ..deployment import Deployment, Reached
 from ..network import Helper, Network, Refusal, Wiring, named
 from ..permissions import Graph
@@ -18,6 +19,11 @@ class ZenohDeployment(Deployment):
     unprotected = ""  # the routers admit other machines only by certificate
     longest_socket = "zenoh/router.sock"
     modules = (("zenoh", "eclipse-zenoh"),)
+
+    def census(self, options: Mapping[str, Any]) -> list[Told]:
+        from .census import census  # imports the middleware
+
+        return census(options)
 
     def wire(self, network: Network) -> Wiring:
         crossing = network.crossing()

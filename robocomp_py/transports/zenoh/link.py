@@ -17,7 +17,6 @@ from ...errors import Closed, DecodeError, Refused, TransportError
 from ...wire.codec import Payload
 from ...wire.names import ANY
 from ..base import (
-    LONGEST_CONTRACT,
     Channel,
 )
 from ..exclusive import Claim
@@ -150,9 +149,7 @@ class Link(BaseLink["ZenohTransport", Token]):
     def definition_of(self, key: Hashable) -> str:
         """The contract of a link, asked from the link itself."""
         if not self._texts.get(key) and isinstance(key, int):
-            answers, _ = self.transport.inquire(key, "text")
-            octets = answers[0].payload.to_bytes() if answers else b""
-            self._texts[key] = octets[: LONGEST_CONTRACT + 1].decode(errors="replace")
+            self._texts[key] = self.transport.contract(key)
         return self._texts.get(key, "")
 
 

@@ -47,6 +47,11 @@ class Token(NamedTuple):
         return self.link
 
     @property
+    def transport(self) -> int:
+        """The number of the transport that the link belongs to."""
+        return self.link >> 24
+
+    @property
     def text(self) -> str:
         """Empty: a token does not contain the contract."""
         return ""

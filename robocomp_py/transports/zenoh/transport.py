@@ -27,6 +27,7 @@ from ...wire.header import (
 )
 from ..base import (
     ANY_QOS,
+    LONGEST_CONTRACT,
     Capability,
     SupportsHost,
     TransportConfig,
@@ -184,6 +185,23 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
             answers = [Message(reply.ok.attachment, reply.ok.payload) for reply in replies if reply.ok]
             return answers, len(answers) == len(replies)
         return [], True
+
+    def contract(self, link: int) -> str:
+        """The contract of a link, asked from the link itself; "" if it does not answer."""
+        answers, _ = self.inquire(link, "text")
+        octets = answers[0].payload.to_bytes() if answers else b""
+        return octets[: LONGEST_CONTRACT + 1].decode(errors="replace")
+
+    def every_token(self) -> list[Token]:
+        """The tokens of all links of the domain. Raises TransportError."""
+        with as_transport_error("asking for all links"):
+            replies = list(self.session.liveliness().get(self.key("rc_lv", "**"), timeout=INQUIRY))
+        tokens = []
+        for reply in replies:
+            with contextlib.suppress(ValueError):  # another program's
+                if reply.ok:
+                    tokens.append(Token.parse(str(reply.ok.key_expr)))
+        return sorted(tokens)
 
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
         """All replies; a time-out is one of them. Raises ZError."""
