@@ -74,15 +74,8 @@ def _call(channel: Channel, options: argparse.Namespace) -> int:
     from ..wire import json as values
 
     operation = channel.operation
-    if operation.inputs and not options.arguments:
-        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
-        print(json.dumps(values.template(operation.inputs)))
-        return USAGE
-    try:
-        given = arguments_of(options.arguments)
-        taken = values.taken(operation.inputs, given, operation.name)
-    except ValueError as exc:
-        print(f"rc call: {exc}", file=sys.stderr)
+    taken = request_of(channel, options.arguments, "rc call")
+    if taken is None:
         return USAGE
     with Access() as access:
         if channel.pattern is Pattern.COMMAND:
@@ -100,6 +93,22 @@ def _call(channel: Channel, options: argparse.Namespace) -> int:
     shown = values.shown(operation.outputs, results)
     print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None))
     return FINE
+
+
+def request_of(channel: Channel, words: list[str], command: str) -> tuple[Any, ...] | None:
+    """The values of a request that these words describe; None, and a message, if they do not."""
+    from ..wire import json as values
+
+    inputs = channel.operation.inputs
+    if inputs and not words:
+        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
+        print(json.dumps(values.template(inputs)))
+        return None
+    try:
+        return values.taken(inputs, arguments_of(words), channel.operation.name)
+    except ValueError as exc:
+        print(f"{command}: {exc}", file=sys.stderr)
+        return None
 
 
 def arguments_of(words: list[str]) -> Any:

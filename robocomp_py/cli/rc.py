@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Protocol
 
-from . import call, echo, fmt, graph, host, hz, links, lint, lsp, rename, run
+from . import call, echo, fmt, graph, host, hz, info, links, lint, lsp, pub, rename, run
 from . import list as list_
 from .common import add_version, command, parser
 
@@ -25,7 +25,7 @@ class Command(Described, Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host, list_, echo, hz, call)
+_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host, list_, info, echo, hz, call, pub)
 """All except `run`, which passes options on to the component."""
 
 _EXAMPLES = """\

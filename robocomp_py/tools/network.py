@@ -154,6 +154,22 @@ class Network:
             raise ValueError(self._unknown(name))
         return found
 
+    def topic(self, name: str) -> Channel:
+        """The only topic that a name means. A whole name may also be one that nothing publishes so far, if a subscriber
+        hears it. Raises ValueError.
+        """
+        hearing = [each for each in self._ends if each.role == "subscribes"]
+        whole = name.strip("/")
+        if whole not in self.channels and whole.count("/") >= 2:
+            ends = [each for each in hearing if names.matches(each.told.channel, whole)]
+            if ends:
+                return Channel(whole, Pattern.PUBLISH, ends)
+        found = [each for each in self.named(name) if each.pattern is Pattern.PUBLISH]
+        if len(found) != 1:
+            listed = ", ".join(each.name for each in found)
+            raise ValueError(f"`{name}` may be {listed}; write more of the name" if found else f"`{name}` is no topic")
+        return found[0]
+
     def _unknown(self, name: str) -> str:
         parts = {"/".join(each.split("/")[-count:]) for each in self.channels for count in (1, 2, 3)}
         parts |= {part for each in self.channels for part in each.split("/")}

@@ -12,13 +12,16 @@ from typing import Any
 import pytest
 
 from robocomp_py.cli import rc
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Calculator
-from ..runtime.test_middlewares import MIDDLEWARES, Station
+from ..runtime.components import Calculator, Diary
+from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
 from ..runtime.test_run import make, running
 
 TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
@@ -36,6 +39,13 @@ class Talker(Station):
 
     def Everything_poke(self, number: int) -> None:
         self.entries.append(f"poked {number}")
+
+
+class Listener(Diary):
+    component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),), period=0.005)
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.entries.append(f"{number} {text}")
 
 
 @pytest.fixture(params=TELLERS)
@@ -111,6 +121,26 @@ def test_a_query_is_called(talker: Any, capsys: pytest.CaptureFixture[str]) -> N
     assert thrown == 'rc call: Conformance.Failed: {"what": "division by zero", "code": 7}\n'
 
 
+def test_a_contract_is_shown_with_both_sides(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = said(capsys, "info", "talker/Everything/divide")
+    assert "int64 divide(int64 dividend, int64 divisor, out int64 remainder) throws Failed;" in shown
+    assert "exception Failed { string what; int32 code; };" in shown
+    assert f"served by talker (process {os.getpid()}) over {talker.middleware_used}" in shown
+    shown = said(capsys, "info", "news")
+    assert f"published by talker (process {os.getpid()}) over {talker.middleware_used}: reliable, volatile" in shown
+
+
+@pytest.mark.parametrize("middleware", [name for name in TELLERS if name != "dds"])
+def test_a_subscriber_hears_what_a_tool_publishes(middleware: str, capsys: pytest.CaptureFixture[str]) -> None:
+    over = f"middleware={middleware}"
+    with running(make(Listener, find_transport, over, name="listener")) as worker:
+        wait_until(lambda: any(each.uses for each in take_census([middleware]).components()))
+        said(capsys, "pub", "phantom/Everything/news", '{"number": 7, "text": "boo"}')
+        wait_until(lambda: "7 boo" in worker.entries)
+        said(capsys, "pub", "phantom/Everything/news", "number=8", "text=again", "-n", "2", "--rate", "100")
+        wait_until(lambda: worker.entries.count("8 again") == 2)
+
+
 @pytest.mark.tool
 def test_a_query_is_called_over_ice(capsys: pytest.CaptureFixture[str]) -> None:
     with running(make(Calculator, find_transport, "middleware=ice", name="reckoner")):
@@ -139,6 +169,10 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
         (("call", "news", "--timeout", "0.1"), 1, "is a topic; `rc echo news` prints what is published"),
         (("echo", "divide", "--timeout", "0.1"), 1, "is no topic that is published: talker/Everything/divide is a"),
         (("echo", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),
+        (("pub", "divide", "--timeout", "0.1"), 1, "`divide` is no topic"),
+        (("pub", "news", "number=1", "text=x", "--timeout", "0.1"), 1, "nothing subscribes to talker/Everything/news"),
+        (("pub", "news", "number=1"), 2, "rc pub: news: lacks `text`; it takes {number int32, text string}"),
+        (("info", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),
         (("hz", "elephant", "--timeout", "0.1"), 1, "`elephant` is not there; `rc list --channels` shows all"),
         (("list", "--middleware", "inproc"), 2, "inproc cannot tell what uses it"),
     ],

@@ -76,6 +76,16 @@ def test_a_name_that_is_not_there_is_refused_with_the_closest(name: str, hint: s
     assert hint in str(caught.value)
 
 
+def test_a_topic_may_be_one_that_nothing_publishes_yet() -> None:
+    network = Network(ENDS)
+    assert network.topic("news").name == "world/Everything/news"
+    phantom = network.topic("phantom/Everything/news")
+    assert [each.told.owner for each in phantom.users] == ["eye"]
+    assert phantom.operation.name == "news"
+    with pytest.raises(ValueError, match="`divide` is no topic"):
+        network.topic("divide")
+
+
 @pytest.mark.parametrize(("role", "channel"), [("dances", "a/B/c"), ("serves", "c"), ("serves", "a/\n/c")])
 def test_what_is_not_understood_is_left_out(role: str, channel: str) -> None:
     assert not Network([End("near", Told("x", 1, role, channel, 0, ""))]).components()
