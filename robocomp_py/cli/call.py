@@ -5,11 +5,21 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE, WRONG
-from .live import EXIT_STATUS, Absent, add_middleware, add_waiting, awaited, one_of, positive, reported
+from .live import (
+    EXIT_STATUS,
+    Absent,
+    add_middleware,
+    add_request,
+    add_waiting,
+    awaited,
+    one_of,
+    positive,
+    reported,
+    request_of,
+)
 
 if TYPE_CHECKING:
     from ..tools.network import Channel, Network
@@ -36,9 +46,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("operation", metavar="NAME", help="world/Laser/getLaserData, or an unambiguous part of such a name")
-    to.add_argument(
-        "arguments", nargs="*", metavar="ARGUMENT", help="a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
-    )
+    add_request(to)
     to.add_argument(
         "--deadline", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for the answer (default: 5)"
     )
@@ -93,59 +101,3 @@ def _call(channel: Channel, options: argparse.Namespace) -> int:
     shown = values.shown(operation.outputs, results)
     print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None))
     return FINE
-
-
-def request_of(channel: Channel, words: list[str], command: str) -> tuple[Any, ...] | None:
-    """The values of a request that these words describe; None, and a message, if they do not."""
-    from ..wire import json as values
-
-    inputs = channel.operation.inputs
-    if inputs and not words:
-        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
-        print(json.dumps(values.template(inputs)))
-        return None
-    try:
-        return values.taken(inputs, arguments_of(words), channel.operation.name)
-    except ValueError as exc:
-        print(f"{command}: {exc}", file=sys.stderr)
-        return None
-
-
-def arguments_of(words: list[str]) -> Any:
-    """The object that these words of a command line describe. Raises ValueError."""
-    if len(words) == 1 and words[0].startswith("@"):
-        path = Path(words[0][1:])
-        try:
-            return _loaded(path.read_text(encoding="utf-8"), str(path))
-        except OSError as exc:
-            raise ValueError(f"{path}: {exc.strerror}") from exc
-    if len(words) == 1 and words[0].lstrip().startswith("{"):
-        return _loaded(words[0], "the argument")
-    found: dict[str, Any] = {}
-    for word in words:
-        path_, equals, text = word.partition("=")
-        if not equals:
-            raise ValueError(f"{word!r} is neither FIELD=VALUE, nor a JSON object, nor @FILE")
-        *above, last = path_.split(".")
-        inner = found
-        for name in above:
-            inner = inner.setdefault(name, {})
-            if not isinstance(inner, dict):
-                raise ValueError(f"{word!r}: `{name}` has a value of its own")
-        inner[last] = _value(text)
-    return found
-
-
-def _value(text: str) -> Any:
-    """JSON, or text as it is."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
-
-
-def _loaded(text: str, what: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError as exc:
-        raise ValueError(f"{what} is no JSON: {exc}") from exc

@@ -239,3 +239,24 @@ def complain(message: object) -> int:
     """Print an error; return its exit code."""
     print(message, file=sys.stderr)
     return WRONG
+
+
+_UNBROKEN = 1000
+"""Length of a line that only programs read, so it is never wrapped."""
+
+
+def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Sequence[str] = ()) -> None:
+    """Print columns. On a terminal that is too narrow, those in `wrapped` get several lines."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False)
+    for column in head:
+        table.add_column(column, no_wrap=column not in wrapped)
+    for row in rows:
+        table.add_row(*map(Text, row))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _UNBROKEN
+    console.print(table)

@@ -4,27 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
 
 from .common import FINE
-from .live import (
-    EXIT_STATUS,
-    Absent,
-    add_json,
-    add_middleware,
-    add_waiting,
-    awaited,
-    count,
-    part,
-    positive,
-    reported,
-    shortened,
-    topics_of,
-)
-
-if TYPE_CHECKING:
-    from ..tools.network import Network
+from .live import EXIT_STATUS, add_topics, awaited_topics, count, nothing_heard, part, reported, shortened
 
 NAME = "echo"
 HELP = "print what is published to topics"
@@ -46,30 +30,23 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Print the messages of topics as they arrive, until Ctrl-C."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("topics", nargs="+", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
     to.add_argument("--field", metavar="PATH", help="print only this part: a.b, or a.b[0]")
     to.add_argument("--full", action="store_true", help="print long sequences whole")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after so many messages")
-    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after so many seconds")
-    add_waiting(to)
-    add_middleware(to)
-    add_json(to)
+    add_topics(to)
 
 
 def run(options: argparse.Namespace) -> int:
     from ..tools.tap import tapped
 
     with reported("rc echo") as code:
-
-        def pick(network: Network) -> list[Any]:
-            return topics_of(network, options.topics)
-
-        topics = awaited(options, pick)
+        topics = awaited_topics(options)
         several = len(topics) > 1 or options.json
         printed = 0
         for heard in tapped(topics, first=options.timeout, whole=options.seconds):
             if heard.dropped:
-                print(f"… {heard.dropped} messages were dropped here: they come faster than they are printed")
+                why = "they come faster than they are printed"
+                print(f"rc echo: {heard.dropped} messages were dropped here: {why}", file=sys.stderr)
             message = part(heard.message, options.field) if options.field else heard.message
             if options.json:
                 print(json.dumps({"time": heard.time, "channel": heard.channel, "message": message}), flush=True)
@@ -81,6 +58,6 @@ def run(options: argparse.Namespace) -> int:
             if printed == options.most:
                 break
         if not printed:
-            raise Absent(f"nothing was heard in {options.seconds or options.timeout:g} s")
+            raise nothing_heard(options)
         return FINE
     return code()

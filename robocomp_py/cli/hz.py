@@ -10,24 +10,12 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .common import FINE
-from .live import (
-    EXIT_STATUS,
-    Absent,
-    add_json,
-    add_middleware,
-    add_waiting,
-    awaited,
-    count,
-    positive,
-    reported,
-    topics_of,
-)
+from .live import EXIT_STATUS, add_topics, awaited_topics, count, nothing_heard, reported
 
 if TYPE_CHECKING:
-    from ..tools.network import Network
     from ..tools.tap import Arrival
 
 NAME = "hz"
@@ -45,30 +33,25 @@ examples:
 _TELL = 1.0
 """Seconds between two lines of a topic."""
 
+_SILENT, _GAPS = 1.0, 3.0
+"""A topic counts as silent after so many seconds and so many of its longest intervals."""
+
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Measure the rate of topics and their octets per second, until Ctrl-C. Messages are not decoded."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("topics", nargs="+", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
     to.add_argument(
         "--window", type=count, default=100, metavar="COUNT", help="the last messages that count (default: 100)"
     )
-    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after so many seconds")
-    add_waiting(to)
-    add_middleware(to)
-    add_json(to)
+    add_topics(to)
 
 
 def run(options: argparse.Namespace) -> int:
     from ..tools.tap import arrivals
 
     with reported("rc hz") as code:
-
-        def pick(network: Network) -> list[Any]:
-            return topics_of(network, options.topics)
-
-        topics = awaited(options, pick)
+        topics = awaited_topics(options)
         seen: dict[str, deque[Arrival]] = defaultdict(lambda: deque(maxlen=options.window + 1))
         numbers: dict[str, int] = defaultdict(int)
         told = time.monotonic()
@@ -81,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
                 for channel, found in seen.items():
                     _tell(channel, numbers[channel], list(found), as_json=options.json)
         if not seen:
-            raise Absent(f"nothing was heard in {options.seconds or options.timeout:g} s")
+            raise nothing_heard(options)
         if options.seconds and time.monotonic() - told > _TELL / 10:
             for channel, found in seen.items():
                 _tell(channel, numbers[channel], list(found), as_json=options.json)
@@ -91,13 +74,22 @@ def run(options: argparse.Namespace) -> int:
 
 def _tell(channel: str, number: int, found: Sequence[Arrival], *, as_json: bool) -> None:
     gaps = [later.at - earlier.at for earlier, later in pairwise(found)]
+    silent = time.monotonic() - found[-1].at
+    is_silent = silent > _SILENT and silent > _GAPS * max(gaps, default=0.0)
     rate = 1 / statistics.fmean(gaps) if gaps and sum(gaps) else math.nan
     shortest, longest = (min(gaps), max(gaps)) if gaps else (math.nan, math.nan)
     octets = statistics.fmean(each.octets for each in found) * rate
     if as_json:
-        figures = {"hz": rate, "shortest_s": shortest, "longest_s": longest, "octets_per_s": octets}
+        figures = {
+            "hz": 0.0 if is_silent else rate,
+            "shortest_s": shortest,
+            "longest_s": longest,
+            "octets_per_s": 0.0 if is_silent else octets,
+        }
         known = {name: None if math.isnan(figure) else figure for name, figure in figures.items()}
         print(json.dumps({"channel": channel, "messages": number, **known}), flush=True)
+    elif is_silent:
+        print(f"{channel}: nothing for {silent:.1f} s, {number} messages", flush=True)
     elif gaps:
         print(
             f"{channel}: {rate:.2f} Hz, {shortest * 1e3:.1f} to {longest * 1e3:.1f} ms, {_octets(octets)}/s, "

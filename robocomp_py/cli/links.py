@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from .common import FINE, USAGE, WRONG, show
+from .common import FINE, USAGE, WRONG, print_table, show
 from .network import add_network, overrides_of, tell_notes
 
 if TYPE_CHECKING:
@@ -28,10 +28,6 @@ examples:
 
 exit status: 0 fine, 1 the network is wrong, 2 usage
 """
-
-
-_UNBROKEN = 1000
-"""Length of a line that only programs read, so it is never wrapped."""
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
@@ -71,21 +67,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(ways: Sequence[Way]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     if not ways:
         print("no instance of this network uses another one")
         return
-    table = Table(box=None, pad_edge=False)
-    for column in ("instance", "uses", "of", "over", "why"):
-        table.add_column(column, no_wrap=column != "why")
-    for way, what in _together(ways):
-        table.add_row(way.client, what, way.source, way.middleware, way.why)
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _UNBROKEN
-    console.print(table)
+    rows = [(way.client, what, way.source, way.middleware, way.why) for way, what in _together(ways)]
+    print_table(("instance", "uses", "of", "over", "why"), rows, wrapped=("why",))
 
 
 def _together(ways: Sequence[Way]) -> list[tuple[Way, str]]:

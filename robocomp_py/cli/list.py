@@ -8,7 +8,7 @@ import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG
+from .common import FINE, WRONG, print_table
 from .live import EXIT_STATUS, add_json, add_middleware, reported
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ examples:
 """
 
 _KINDS = {"topics": "publish", "queries": "query", "commands": "command"}
-
-_UNBROKEN = 1000
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
@@ -69,7 +67,7 @@ def _components(network: Network, *, as_json: bool) -> int:
             (each.owner or "?", str(each.pid), *map(_listed, (each.middlewares, each.offers, each.uses)))
             for each in found
         ]
-        _table(("component", "process", "over", "offers", "uses"), rows)
+        print_table(("component", "process", "over", "offers", "uses"), rows, wrapped=("offers", "uses"))
     return _told(bool(found))
 
 
@@ -93,7 +91,7 @@ def _channels(network: Network, kinds: list[str], *, as_json: bool) -> int:
             )
         rows.append((each.name, str(each.pattern), *map(_listed, (each.middlewares, provided, used))))
     if found and not as_json:
-        _table(("channel", "pattern", "over", "provided by", "used by"), rows)
+        print_table(("channel", "pattern", "over", "provided by", "used by"), rows, wrapped=("provided by", "used by"))
     return _told(bool(found))
 
 
@@ -105,19 +103,3 @@ def _told(found: bool) -> int:
 
 def _listed(names: list[str]) -> str:
     return ", ".join(names)
-
-
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False)
-    for column in head:
-        table.add_column(column, no_wrap=column in ("component", "channel"))
-    for row in rows:
-        table.add_row(*map(Text, row))
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _UNBROKEN
-    console.print(table)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .common import USAGE, WRONG
@@ -67,6 +69,22 @@ def add_json(to: argparse.ArgumentParser) -> None:
     to.add_argument("--json", action="store_true", help="one JSON object a line, for machines")
 
 
+def add_topics(to: argparse.ArgumentParser) -> None:
+    """What commands that listen take."""
+    to.add_argument("topics", nargs="+", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
+    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after so many seconds")
+    add_waiting(to)
+    add_middleware(to)
+    add_json(to)
+
+
+def add_request(to: argparse.ArgumentParser) -> None:
+    """What `request_of` reads."""
+    to.add_argument(
+        "arguments", nargs="*", metavar="ARGUMENT", help="a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
+    )
+
+
 @contextmanager
 def reported(command: str) -> Iterator[Callable[[], int]]:
     """Report expected errors. The function tells the exit code afterwards."""
@@ -100,8 +118,20 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T]) -> T:
         time.sleep(_LOOK)
 
 
-def topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
-    """The topics that these names mean. Raises ValueError."""
+def awaited_topics(options: argparse.Namespace) -> list[Channel]:
+    """The published topics that the arguments of `add_topics` name. Raises Absent."""
+
+    def pick(network: Network) -> list[Channel]:
+        return _topics_of(network, options.topics)
+
+    return awaited(options, pick)
+
+
+def nothing_heard(options: argparse.Namespace) -> Absent:
+    return Absent(f"nothing was heard in {options.seconds or options.timeout:g} s")
+
+
+def _topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
     from ..contract.interface import Pattern
 
     found: dict[str, Channel] = {}
@@ -148,3 +178,59 @@ def shortened(value: Any) -> Any:
             return f"{value[:80]}… {len(value) - 80} more"
         case _:
             return value
+
+
+def request_of(channel: Channel, words: list[str], command: str) -> tuple[Any, ...] | None:
+    """The values of a request that these words describe; None, and a message, if they do not."""
+    from ..wire import json as values
+
+    inputs = channel.operation.inputs
+    if inputs and not words:
+        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
+        print(json.dumps(values.template(inputs)))
+        return None
+    try:
+        return values.taken(inputs, arguments_of(words), channel.operation.name)
+    except ValueError as exc:
+        print(f"{command}: {exc}", file=sys.stderr)
+        return None
+
+
+def arguments_of(words: list[str]) -> Any:
+    """The object that these words of a command line describe. Raises ValueError."""
+    if len(words) == 1 and words[0].startswith("@"):
+        path = Path(words[0][1:])
+        try:
+            return _loaded(path.read_text(encoding="utf-8"), str(path))
+        except OSError as exc:
+            raise ValueError(f"{path}: {exc.strerror}") from exc
+    if len(words) == 1 and words[0].lstrip().startswith("{"):
+        return _loaded(words[0], "the argument")
+    found: dict[str, Any] = {}
+    for word in words:
+        path_, equals, text = word.partition("=")
+        if not equals:
+            raise ValueError(f"{word!r} is neither FIELD=VALUE, nor a JSON object, nor @FILE")
+        *above, last = path_.split(".")
+        inner = found
+        for name in above:
+            inner = inner.setdefault(name, {})
+            if not isinstance(inner, dict):
+                raise ValueError(f"{word!r}: `{name}` has a value of its own")
+        inner[last] = _value(text)
+    return found
+
+
+def _value(text: str) -> Any:
+    """JSON, or text as it is."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _loaded(text: str, what: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError as exc:
+        raise ValueError(f"{what} is no JSON: {exc}") from exc

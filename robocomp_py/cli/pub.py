@@ -6,9 +6,19 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from .call import request_of
 from .common import FINE, USAGE
-from .live import EXIT_STATUS, Absent, add_middleware, add_waiting, awaited, count, positive, reported
+from .live import (
+    EXIT_STATUS,
+    Absent,
+    add_middleware,
+    add_request,
+    add_waiting,
+    awaited,
+    count,
+    positive,
+    reported,
+    request_of,
+)
 
 if TYPE_CHECKING:
     from ..tools.network import Channel, Network
@@ -33,9 +43,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("topic", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
-    to.add_argument(
-        "arguments", nargs="*", metavar="ARGUMENT", help="a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
-    )
+    add_request(to)
     to.add_argument("--rate", type=positive, metavar="HZ", help="publish so often a second, until Ctrl-C or -n")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="how many messages (default: one)")
     add_waiting(to)

@@ -6,18 +6,20 @@ import json
 import os
 import re
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from robocomp_py.cli import rc
+from robocomp_py.cli import hz, rc
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
+from robocomp_py.tools.tap import Arrival
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator, Diary
@@ -218,3 +220,11 @@ def test_no_publisher_waits_for_a_tool(talker: Any) -> None:
         reached = talker.number
         wait_until(lambda: talker.number > reached + 30)
         may_end.append(True)
+
+
+def test_a_topic_that_falls_silent_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    found = [Arrival("world/LaserPub/push", time.monotonic() - 10 + each, 8) for each in range(5)]
+    hz._tell("world/LaserPub/push", 5, found, as_json=False)
+    assert re.match(r"world/LaserPub/push: nothing for 6\.\d s, 5 messages\n", capsys.readouterr().out)
+    hz._tell("world/LaserPub/push", 5, found, as_json=True)
+    assert json.loads(capsys.readouterr().out)["hz"] == 0
