@@ -18,6 +18,7 @@
         AlreadyServed          another process serves this channel
         Busy                   the other side has too much to do to take this call
         Refused                our keys do not allow it, or a foreign program has no such operation
+      Cancelled                a goal of an action was cancelled
       DeclaredError            base of the exceptions that an IDSL operation `throws`
       RemoteFailure            the other side raised something it had not declared
 
@@ -94,6 +95,10 @@ class Busy(TransportError):
 
 class Refused(TransportError):
     """The keys of this process do not allow the call, or a foreign program does not serve it. It was not executed."""
+
+
+class Cancelled(RobocompError):
+    """A goal was cancelled. The `yield` of its handler raises this, and so does `result` of the client."""
 
 
 class DeclaredError(RobocompError):

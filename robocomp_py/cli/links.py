@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         return WRONG
     if options.json:
         for way in plan.ways:
-            print(json.dumps(asdict(way)))
+            print(json.dumps({key: value for key, value in asdict(way).items() if key != "parts" or value}))
         return FINE
     _print(plan.ways)
     tell_notes(plan)

@@ -368,6 +368,9 @@ def port_expression(port: Port, indent: int) -> str:
         arguments.append(f"qos={_qos(port.qos, indent + 4)}")
     if port.each:
         arguments.append("each=True")
+    if port.policies:
+        literals = [f"({quoted(action)}, {quoted(policy)})" for action, policy in port.policies]
+        arguments.append(f"policies={tuple_of(literals, indent + 14, indent + 4)}")
     if port.concurrent:
         arguments.append("concurrent=True")
     if port.middleware:

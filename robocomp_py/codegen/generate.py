@@ -20,7 +20,7 @@ from ..contract.interface import Interface
 from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
-from . import configuration, expressions, instances, layout, machine, names, timers
+from . import actions, configuration, expressions, instances, layout, machine, names, timers
 from .imports import bound_names, complete
 from .layout import on_one_line
 from .linting import excused_file
@@ -147,6 +147,7 @@ def _common(model: Model) -> dict[str, Any]:
         "cdsl": model.cdsl,
         "middleware": model.middleware,
         "handlers": component.handlers(),
+        "actions": component.actions(),
         "proxies": [port for port in component.ports if port.verb.has_proxy and not port.each],
         "named": component.named,
         "answering": [port for port in component.named if not port.verb.has_proxy],
@@ -180,7 +181,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         autoescape=False,  # Python and TOML, not HTML
     )
-    for filters in (names, layout, expressions, configuration, machine, timers, instances):
+    for filters in (names, layout, expressions, configuration, machine, timers, instances, actions):
         environment.filters |= {
             name: each
             for name, each in vars(filters).items()

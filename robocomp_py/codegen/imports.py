@@ -15,6 +15,7 @@ MARK = "# imports\n"
 
 STANDARD = {
     "abc": ("abstractmethod",),
+    "collections.abc": ("Generator",),
     "contextlib": ("AbstractContextManager",),
     "dataclasses": ("dataclass", "field"),
     "enum": ("IntEnum",),
@@ -45,6 +46,7 @@ API = (
     ),
     *("Machine", "Verb", "Worker"),
 )
+ACTIONS = ("ServerGoal",)
 NAMED = ("InstanceHandler", "NamedHandlers", "NamedProxies")
 BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
 
@@ -66,6 +68,8 @@ def import_statements(
     standard = [*(f"import {name}" for name in ("builtins", "typing") if name in used), *standard]
     libraries = ["import numpy as np"] if "np" in used else []
     libraries += [import_from(source, names) for source, names in _using(NUMPY, used)]
+    libraries += ["from robocomp_py.actions import api as _actions"] if "_actions" in used else []
+    libraries += [import_from(source, names) for source, names in _using({"robocomp_py.actions.api": ACTIONS}, used)]
     libraries += [import_from(source, names) for source, names in _using({"robocomp_py.runtime.api": API}, used)]
     libraries += [
         import_from(source, names) for source, names in _using({"robocomp_py.runtime.instances": NAMED}, used)

@@ -37,12 +37,12 @@ _MODULES = {
     *_CLASSES,
     *API,
     *("GenericWorker", "PARAMS", "Params", "SpecificWorker", "abstractmethod", "component", "genericworker"),
-    *("Fake", "Fakes", "TypedDict", "fakes", "middleware", "params"),
+    *("Fake", "Fakes", "Generator", "ServerGoal", "TypedDict", "fakes", "middleware", "params"),
 }
 """Names of other modules in the generic part, and names that the generic part uses itself."""
 
 _ARGUMENTS = {"self", "deadline"}
-_METHODS = {"interface", "_ask", "_ask_async", "_send", "_loan", "_bound"}
+_METHODS = {"interface", "_ask", "_ask_async", "_send", "_loan", "_bound", "_begin", "_goals"}
 _MEMBERS = {
     *("as_integer_ratio", "bit_count", "bit_length", "conjugate", "denominator", "from_bytes", "imag", "is_integer"),
     *("mro", "name", "numerator", "real", "to_bytes", "value", "ClassVar", "Enumeration"),

@@ -18,6 +18,7 @@ from typing import Any
 
 from .. import installed
 from ..contract import types as t
+from ..contract.action import ports_of_actions
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import TIMES
@@ -72,9 +73,9 @@ def native(component: Component, middleware: str, about: str) -> dict[str, str]:
 def _uses(component: Component) -> Iterator[Use]:
     """Every channel once, in the order of the ports."""
     seen = set()
-    for port in component.ports:
-        instance = component.name.lower() if port.verb.provides and not port.each else names.ANY
-        segment = component.segment(port) if port.verb.provides else port.interface.short
+    for whole, port in ((one, each) for one in component.ports for each in (one, *ports_of_actions(one))):
+        instance = component.name.lower() if whole.verb.provides and not port.each else names.ANY
+        segment = component.segment(whole) if whole.verb.provides else port.interface.short
         for operation, pattern in port.interface.under(port.verb):
             channel = names.channel("", instance, segment, operation.name)
             if (port.verb, channel, port.middleware) not in seen:

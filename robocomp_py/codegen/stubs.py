@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..usercode.check import takes
 from ..usercode.reading import FILE, NotPython, Read, Worker, generic_imports, parse_python, read_worker
+from .actions import steps_method, steps_signature
 from .expressions import handler, handler_signature
 from .generate import GenerationError, Model
 from .imports import bound_names, import_from, import_statements, used_names
@@ -46,10 +47,13 @@ def find_stubs(folder: Path, model: Model, read: Read) -> Stubs:
     gone = tuple(name for name, _ in generic_imports(folder, read) if name not in (*siblings, *_OTHERS))
     if worker is None:
         return Stubs({}, {}, "", gone)
-    wanted = {
+    wanted: dict[str, tuple[str, str, tuple[object, ...]]] = {
         port.handler(operation.name): (handler(port, operation), handler_signature(port, operation), operation.inputs)
         for port, operation in model.component.handlers()
     }
+    for port, action in model.component.actions():
+        text, begins = steps_method(port, action), steps_signature(port, action)
+        wanted[port.handler(action.name)] = (text, begins, (None, *action.inputs))
     if machine := model.component.machine:
         for state in machine.every_state():
             wanted[state.method] = (state_method(state, machine), state_signature(state), ())

@@ -7,12 +7,15 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .interface import Interface, Operation, Verb
 from .parameters import ParameterSet
 from .qos import DEFAULT_QOS, QoS
 from .statemachine import StateMachine
+
+if TYPE_CHECKING:
+    from .action import Action
 
 MAX_SECONDS = 1e6
 """The longest period and deadline; clocks and locks refuse larger numbers."""
@@ -53,6 +56,8 @@ class Port:
     """The generated class through which user code calls this port."""
     each: bool = False
     """Whether it is provided by named instances, which the component adds while it runs."""
+    policies: tuple[tuple[str, str], ...] = ()
+    """By the name of an action, what happens to a goal that arrives while another one is active; see `Policy`."""
 
     @cached_property
     def name(self) -> str:
@@ -120,13 +125,22 @@ class Component:
         ports = [port for port in self.ports if not port.verb.has_proxy and not port.each]
         return [(port, operation) for port in ports for operation, _ in port.interface.under(port.verb)]
 
+    def actions(self) -> list[tuple[Port, Action]]:
+        """The actions whose goals the worker executes, each with its port."""
+        return [(port, each) for port in self.ports if port.verb is Verb.IMPLEMENTS for each in port.interface.actions]
+
+    @property
+    def has_actions(self) -> bool:
+        """Whether a port has actions, of its own or of others."""
+        return any(port.interface.actions_under(port.verb) for port in self.ports)
+
     def fingerprints(self) -> dict[str, str]:
         """The fingerprints of all its operations, as 16 hexadecimal digits, by qualified name
         (`RoboCompLaser::Laser.getLaserData`)."""
         return {
             f"{operation.interface}.{operation.name}": f"{operation.fingerprint:016x}"
             for port in self.ports
-            for operation, _ in port.interface.under(port.verb)
+            for operation in port.interface.contracts(port.verb)
         }
 
     def segment(self, port: Port) -> str:

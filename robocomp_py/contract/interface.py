@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .types import Enumeration, ExceptionType, Field, Response, Struct, spell, walk
+
+if TYPE_CHECKING:
+    from .action import Action
 
 R = TypeVar("R")
 
@@ -96,7 +100,7 @@ class Operation(Generic[R]):
 
     def _message(self, suffix: str) -> str:
         module, _, interface = self.interface.rpartition("::")
-        words = "".join(word[:1].upper() + word[1:] for word in (*interface.split("_"), *self.name.split("_")))
+        words = "".join(word[:1].upper() + word[1:] for word in (*interface.split("_"), *re.split("[_-]", self.name)))
         return f"{module}::{words}{suffix}" if module else f"{words}{suffix}"
 
 
@@ -107,6 +111,7 @@ class Interface:
     name: str
     operations: tuple[Operation[Any], ...]
     doc: str = field(default="", compare=False, repr=False)
+    actions: tuple[Action, ...] = ()
 
     @property
     def module(self) -> str:
@@ -122,6 +127,19 @@ class Interface:
             pattern = operation.carried(verb)
             if pattern:
                 yield operation, pattern
+
+    def actions_under(self, verb: Verb) -> tuple[Action, ...]:
+        """The actions that take part under a verb: all of them, unless it is that of a topic."""
+        return () if verb.is_topic else self.actions
+
+    def called(self, verb: Verb) -> list[str]:
+        """The names of the operations and actions that take part under a verb, as settings know them."""
+        return [operation.name for operation, _ in self.under(verb)] + [each.name for each in self.actions_under(verb)]
+
+    def contracts(self, verb: Verb) -> Iterator[Operation[Any]]:
+        """All that both sides must agree on: the operations that take part, and the parts of actions."""
+        yield from (operation for operation, _ in self.under(verb))
+        yield from (part for action in self.actions_under(verb) for part in action.parts)
 
 
 def differences(ours: str, theirs: str) -> list[str]:

@@ -28,3 +28,17 @@ def names_of(interface: str, operations: Iterable[str]) -> Iterator[str]:
     yield proxy_class(interface, Verb.REQUIRES)
     yield proxy_class(interface, Verb.PUBLISHES)
     yield from (operation_constant(interface, operation) for operation in operations)
+
+
+def feedback_struct(interface: str, action: str) -> str:
+    """The name of the struct of an action's feedback: `NavigationGoToFeedback`."""
+    return f"{_joined(interface, action)}Feedback"
+
+
+def goal_class(interface: str, action: str) -> str:
+    """The class of what the handler of an action with feedback gets: `NavigationGoToGoal`."""
+    return f"{_joined(interface, action)}Goal"
+
+
+def _joined(interface: str, operation: str) -> str:
+    return "".join(word[:1].upper() + word[1:] for word in (*interface.split("_"), *operation.split("_")))

@@ -204,7 +204,8 @@ class _Chooser:
         middleware, why = (middleware, f"named ({origin})") if middleware else self._best(link)
         names = link.client.name, link.port.label, link.server.runs_as, link.port.verb, link.port.interface.short
         named = link.server.instance if link.server.owner else ""
-        chosen = _Chosen(link, Way(*names, link.operation, middleware, why, link.channel, origin=origin, named=named))
+        way = Way(*names, link.operation, middleware, why, link.channel, origin=origin, named=named)
+        chosen = _Chosen(link, replace(way, parts=_parts(link.port, link.operation)))
         self.links.append(chosen)
         for end in (_end(link.client, link.port, link.operation), _end(link.server, link.theirs, link.operation)):
             self._by_end.setdefault(end, []).append(chosen)
@@ -249,12 +250,8 @@ class _Chooser:
     def settings(self, each: Configured) -> Iterator[str]:
         """What makes the ways of an instance what they are, port by port, or operation by operation."""
         for port in each.component.ports:
-            wanted = {
-                operation.name: self._offered(each, port, operation.name)
-                if port.verb.provides
-                else self._used(each, port, operation.name)
-                for operation, _ in port.interface.under(port.verb)
-            }
+            find = self._offered if port.verb.provides else self._used
+            wanted = {name: find(each, port, name) for name in port.interface.called(port.verb)}
             apart = any((port.name, name) in each.settings.ports for name in wanted)  # which counts more than the port
             if len(set(wanted.values())) == 1 and not apart:
                 wanted = {"": next(iter(wanted.values()))}
@@ -321,3 +318,13 @@ class _Chooser:
         if self._goes_apart(beside):
             return link.channel
         return names.channel(*link.client.source(link.port, link.aim), link.operation)
+
+
+def _parts(port: Port, name: str) -> tuple[tuple[str, Verb], ...]:
+    """What the channels of an action have behind its name, and what a client does with each; none for operations."""
+    found = [each for each in port.interface.actions_under(port.verb) if each.name == name]
+    return tuple(
+        (part.name.removeprefix(name), Verb.SUBSCRIBES if part.pattern is Pattern.PUBLISH else Verb.REQUIRES)
+        for action in found
+        for part in action.parts
+    )

@@ -68,11 +68,12 @@ def graph_of(plan: Plan) -> Graph:
             process_of.get(way.client, ""),
             process_of.get(way.provider, ""),
             way.provider,
-            way.channel,
-            way.verb,
-            way.looked_up,
+            way.channel + behind,
+            verb,
+            way.looked_up + behind,
         )
         for way in plan.ways
+        for behind, verb in way.parts or (("", way.verb),)
     )
     edges = tuple(edge for edge in found if edge.client != edge.provider)
     inner = tuple(edge for edge in found if edge.client == edge.provider)

@@ -309,7 +309,7 @@ class _Planner:
             return False  # reported when it is configured
         checked, complaints = settings.examine(node.component, document, node.instance.local)
         each = Configured(node.name, node.component, checked, document, generated_for(node.linked.path.parent))
-        names = [operation.name for operation, _ in port.interface.under(port.verb)]
+        names = port.interface.called(port.verb)
         return not complaints and all(each.outside(port, name, aim) for name in names for aim in each.aims(port, name))
 
     # Order and processes.
@@ -750,7 +750,9 @@ def _has(params: ParameterSet | None, name: str) -> bool:
 def _operations(client: Node, interface: str) -> int:
     """How many operations of an interface an instance may call."""
     wanted = (port for port in client.component.ports if port.verb is Verb.REQUIRES)
-    return max((len(port.interface.operations) for port in wanted if port.interface.short == interface), default=1)
+    return max(
+        (len([*port.interface.contracts(port.verb)]) for port in wanted if port.interface.short == interface), default=1
+    )
 
 
 def _at_port(port: int, provider: Configured | None = None) -> Iterator[str]:

@@ -178,10 +178,11 @@ class Configured:
         yield from ((port, operation) for port, operation, _ in self.patterns(providing=providing))
 
     def patterns(self, *, providing: bool | None = None) -> Iterator[tuple[Port, str, Pattern]]:
-        """Its operations, or those that it provides, or those that it uses."""
+        """Its operations, or those that it provides, or those that it uses. An action counts as one query."""
         for port in self.component.ports:
             if providing in (None, port.verb.provides):
                 yield from ((port, operation.name, pattern) for operation, pattern in port.interface.under(port.verb))
+                yield from ((port, each.name, Pattern.QUERY) for each in port.interface.actions_under(port.verb))
 
     def interfaces_over(self, middleware: str, ways: Iterable[Carried]) -> list[str]:
         """What channels call the interfaces that it implements over a middleware, by its settings or by these ways.
@@ -195,7 +196,7 @@ class Configured:
             for port in part.component.ports:
                 if port.verb is Verb.IMPLEMENTS:
                     name = names.within(part.instance if part.owner else "", part.component.segment(port))
-                    operations = [operation.name for operation, _ in port.interface.under(port.verb)]
+                    operations = port.interface.called(port.verb)
                     chosen = (part.settings.middlewares(port, each, part.generated_for) for each in operations)
                     if name in used or any(middleware in each for each in chosen):
                         found.append(name)
@@ -207,7 +208,7 @@ class Configured:
             middleware in part.settings.middlewares(port, name, part.generated_for)
             for part in self.parts
             for port, name, pattern in part.patterns()
-            if pattern is Pattern.PUBLISH
+            if pattern is Pattern.PUBLISH or name in [each.name for each in port.interface.actions]
         )
 
     def offers(self, wanted: Port, segment: str | None = None) -> list[Port]:

@@ -230,8 +230,8 @@ class _Wirer:
         return f"write {' or '.join(f'`Component {name} {{ }};`' for name in offering)}" if offering else ""
 
     def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
-        offered = {operation.name: operation for operation, _ in theirs.interface.under(theirs.verb)}
-        for operation, _ in port.interface.under(port.verb):
+        offered = {operation.name: operation for operation in theirs.interface.contracts(theirs.verb)}
+        for operation in port.interface.contracts(port.verb):
             match = offered.get(operation.name)
             if match is None or match.fingerprint != operation.fingerprint:
                 what = "; ".join(differences(operation.text, match.text)) if match else "it is missing there"

@@ -389,7 +389,7 @@ class Workspace:
         for each in loaded:
             names = {qualified(d.name.text, each.file.module.text): d.name for d in each.file.definitions}
             for definition in each.module.definitions if each.module else ():
-                name = names[definition.name]
+                name = names.get(definition.name, each.file.module)  # the feedback of an action has no name of its own
                 first, where = merged.setdefault(definition.name, (definition, name))
                 if first != definition:
                     message = f"`{definition.name}` is defined differently in another imported file"

@@ -12,6 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 from .. import installed
+from ..contract.action import POLICIES
 from ..contract.interface import Verb
 from ..contract.qos import Liveliness
 from ..dsl.cdsl.check import OPTIONS
@@ -27,6 +28,7 @@ from ..dsl.syntax import Grammar
 from ..dsl.workspace import ENDINGS
 from .edits import Edit, add_import
 from .fixes import relative
+from .hover import POLICY_WORDS
 from .index import Index
 from .outline import VALUE_TYPES, Kind, Symbol
 from .project import real
@@ -216,7 +218,7 @@ def _wanted_in_idsl(place: _Place) -> tuple[Kind, ...]:
     if _is_in(place, "interface"):
         if "throws" in words:
             return (Kind.EXCEPTION,) if last in ("throws", ",") else ()
-        opened = "(" in words and ")" not in words
+        opened = words.count("(") > words.count(")")
         if opened:
             return VALUE_TYPES if last in ("(", ",", "out", "<") else ()
         return VALUE_TYPES if last in ("", "]", "idempotent", "<") else ()
@@ -244,8 +246,12 @@ def _in_cdsl(place: _Place) -> Iterator[Candidate]:
     inside = _open_call(words)
     if inside == "qos":
         yield from _words_of_qos(last)
+    elif inside and words[0] == "implements" and last not in ("(", ","):
+        yield from (Candidate(name, "word", POLICY_WORDS[name]) for name in POLICIES)
     elif inside:
-        yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+        yield from (Candidate(name, "word", "middleware") for name in installed.transports() if last == "(")
+        if words[0] == "implements":
+            yield from _actions(place, inside)
     elif words and words[0] in verbs and last in (words[0], ","):
         yield from _interfaces(place)
     elif last == "language":
@@ -254,6 +260,15 @@ def _in_cdsl(place: _Place) -> Iterator[Candidate]:
         yield from (Candidate(option, "word") for option in OPTIONS)
     elif (words[:1] == ["period"] and len(words) > 1) or (words[:1] == ["timer"] and len(words) > 2):
         yield from (Candidate(unit, "word") for unit in SECONDS)
+
+
+def _actions(place: _Place, interface: str) -> Iterator[Candidate]:
+    """The actions of an interface, for which a policy may be given."""
+    for each in _of(place.index.visible(place.path), Kind.INTERFACE):
+        if each.name.text.lower() == interface:
+            for operation in each.children:
+                if operation.detail.startswith("[action]"):
+                    yield Candidate(operation.name.text, operation.kind, operation.detail, operation.doc, rank=0)
 
 
 def _open_call(words: list[str]) -> str:

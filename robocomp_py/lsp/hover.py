@@ -111,10 +111,24 @@ def _of_word(word: str, ending: str) -> str:
     if ending in (".cdsl", ".ddsl") and word in PRESETS:
         qos = PRESETS[word]
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
+    if ending == ".cdsl" and word.lower() in POLICY_WORDS:
+        return f"`{word}`: {POLICY_WORDS[word.lower()]}"
+    if ending == ".idsl" and word in ACTION_WORDS:
+        return f"`{word}`: {ACTION_WORDS[word]}"
     if ending in (".cdsl", ".ddsl") and (summary := deployment_of(word.lower()).summary):
         return f"`{word}`: {summary}"
     return f"`{word}`: {NETWORK_WORDS[word]}" if ending == ".ddsl" and word in NETWORK_WORDS else ""
 
+
+POLICY_WORDS = {
+    "refuse": "while a goal of the action is active, another one is refused; this is the default",
+    "preempt": "a new goal of the action cancels the active one",
+    "queue": "a new goal of the action waits until the active one is over",
+}
+ACTION_WORDS = {
+    "action": "an operation that takes long: its client gets a goal with feedback, cancellation and a result",
+    "feedback": "what the server of an action tells its client on the way",
+}
 
 NETWORK_WORDS = {
     "never": "it is not started again",

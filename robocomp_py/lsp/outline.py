@@ -181,7 +181,7 @@ def _operation(operation: idsl.Operation, inside: str) -> Symbol:
     name = f"{inside}::{operation.name}"
     arguments = tuple(
         Symbol(Kind.ARGUMENT, each.name, name, each.span, "", ("out " if each.out else "") + type_text(each.type))
-        for each in operation.params
+        for each in (*operation.params, *operation.feedback)
     )
     return Symbol(
         Kind.OPERATION, operation.name, inside, operation.span, operation.doc, operation.text, children=arguments
@@ -216,7 +216,7 @@ def _uses_in(definition: idsl.Definition, module: str) -> Iterator[Use]:
             yield from (_definition_use(each, (Kind.INTERFACE,), module) for each in bases)
             for operation in operations:
                 yield from _uses_of_type(operation.result, module)
-                for param in operation.params:
+                for param in (*operation.params, *operation.feedback):
                     yield from _uses_of_type(param.type, module)
                     yield from _uses_of_literal(param.type, param.default, module)
                 yield from (_definition_use(each, (Kind.EXCEPTION,), module) for each in operation.throws)

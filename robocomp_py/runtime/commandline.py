@@ -222,8 +222,8 @@ def _middlewares(worker_class: type[Worker[Any]], chosen: Settings) -> set[str]:
     routed = {
         middleware
         for port in component.ports
-        for operation, _ in port.interface.under(port.verb)
-        for middleware in chosen.middlewares(port, operation.name, generated_for)
+        for operation in port.interface.called(port.verb)
+        for middleware in chosen.middlewares(port, operation, generated_for)
     }
     return routed | {carrier(chosen.middleware, generated_for)} if port_of(component) else routed
 

@@ -32,6 +32,8 @@ from .commonbehavior import CommonBehavior, port_of
 from .introspection import Bound
 
 if TYPE_CHECKING:
+    from ..actions.binding import Surroundings
+    from ..actions.goals import Goals
     from ..lockstep.counts import Counts
     from .instances import Entry, NamedInstances
     from .monitor import Monitor
@@ -69,14 +71,22 @@ class Connections:
         tally: Tally,
         counts: Counts | None = None,
         differs: Callable[[str], object] = lambda text: None,
+        goals_need: Callable[[], Surroundings] | None = None,
     ) -> None:
         """`wanted` returns False when opening a transport, which may take a while, should be given up.
 
         `differs` is told how named instances differ from what the network declares; "" if they no longer do.
+        `goals_need` is given if there are actions.
         """
         self._worker, self._settings, self._component = worker, settings, worker.component
         self._monitor, self._watching, self._tally, self._counts = monitor, watching, tally, counts
         self._transports = _Transports(settings, find, wanted)
+        self.goals: Goals | None = None
+        """What is done for its actions, if it has some."""
+        if goals_need:
+            from ..actions.goals import Goals  # few components need it
+
+            self.goals = Goals(goals_need())
         self._links: list[Link] = []
         """Links of handlers."""
         self._proxied: list[Link] = []
@@ -225,6 +235,8 @@ class Connections:
     def close_links(self) -> None:
         for instances in self._instances:
             instances.end()
+        if self.goals:
+            self.goals.close()
         try:
             with self._changing, self._transports.gathering():
                 ports.close_all(self._proxied)  # first, because it ends the calls that handlers and hooks wait for
@@ -255,6 +267,8 @@ class Connections:
             (self._proxied if port.verb.has_proxy else self._links).extend(links)
             if port.verb is Verb.REQUIRES:
                 self._required += ((port, link) for link in links)
+            if self.goals and port.interface.actions_under(port.verb):
+                self._bind_actions(port, self.goals)
 
     def _begin_instances(self) -> None:
         for port in self._component.named:
@@ -284,9 +298,20 @@ class Connections:
         self.bound.append(Bound(port, routes, links))
         return links
 
-    def _route(self, port: Port, operation: Operation[Any], instance: str = "") -> ports.Route:
-        """`instance` is the name of a named one."""
-        chosen = self._settings.port(port, operation.name, instance)
+    def _bind_actions(self, port: Port, goals: Goals) -> None:
+        connected = goals.bind(port, self._worker, self._route_of_part)
+        (self._proxied if port.verb.has_proxy else self._links).extend(connected.links)
+        self._required += ((port, link) for link in connected.called)
+        bound = self.bound.pop()
+        routes, links = (*bound.routes, *connected.routes), (*bound.links, *connected.links)
+        self.bound.append(replace(bound, routes=routes, links=links))
+
+    def _route_of_part(self, port: Port, operation: Operation[Any], action: str) -> ports.Route:
+        return self._route(port, operation, action=action)
+
+    def _route(self, port: Port, operation: Operation[Any], instance: str = "", action: str = "") -> ports.Route:
+        """`instance` is the name of a named one, and `action` what this is a part of."""
+        chosen = self._settings.port(port, action or operation.name, instance)
         if port.verb.provides:
             name = instance or self._settings.instance
             where = (self._settings.namespace, name, self._component.segment(port))
@@ -354,6 +379,7 @@ def _lacking(port: Port, required: Sequence[tuple[Port, Link]]) -> str:
     """The message about an interface of which only some operations are found; "" if that is not the case."""
     found = [link.wait_peer(0) for each, link in required if each is port]
     names = [operation.name for operation, _ in port.interface.under(port.verb)]
+    names += [part.name for action in port.interface.actions for part in action.queries]
     if len(found) != len(names):  # an operation has several routes
         return ""
     absent = [f"`{name}`" for name, there in zip(names, found, strict=True) if not there]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
+import itertools
 import logging
 import re
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -43,6 +46,7 @@ from .watching import Watching
 from .worker import Worker, check_methods
 
 if TYPE_CHECKING:
+    from ..actions.binding import Surroundings
     from ..lockstep.lockstep import Lockstep
 
 log = logging.getLogger("robocomp.worker")
@@ -82,6 +86,7 @@ class Running:
         self.settings = settings
         self._lockstep = None if clock or not settings.clock else self._in_lockstep(settings)
         self.clock = clock or (self._lockstep.clock if self._lockstep else Real())
+        self._is_virtual = clock is not None
         self.ready = threading.Event()
         self.state = State.STARTING
         self._wake = threading.Event()
@@ -116,6 +121,7 @@ class Running:
             self._tally,
             self._lockstep.counts if self._lockstep else None,
             lambda text: self._tell(f"STATUS={text}"),
+            self._goals_need if self.component.has_actions else None,
         )
 
     def run(self) -> bool:
@@ -258,6 +264,20 @@ class Running:
 
     # Starting and ending.
 
+    def _goals_need(self) -> Surroundings:
+        """What actions need of the component. In virtual time, nothing is left to chance or to the machine."""
+        from ..actions.binding import Surroundings, new_identity  # few components need it
+
+        if not self._is_virtual:
+            counts = self._lockstep.counts if self._lockstep else None
+            return Surroundings(self.monitor, self._await, time.monotonic, new_identity, counts)
+        numbers, who = itertools.count(1), f"{self.settings.namespace}/{self.settings.instance}"
+
+        def identity() -> bytes:
+            return hashlib.blake2b(f"{who} {next(numbers)}".encode(), digest_size=16).digest()
+
+        return Surroundings(self.monitor, self._await, lambda: self.clock.now() / SECOND, identity)
+
     def _in_lockstep(self, settings: Settings) -> Lockstep:
         from ..lockstep.lockstep import Lockstep  # few components need it
 
@@ -367,6 +387,8 @@ class Running:
                 if self._agenda:
                     self._begin_timers(self._agenda)
             case State.FINISH:
+                if self._connections.goals:
+                    self._call(self._connections.goals.end, early=True)
                 self._once(self.worker.finish, early=True)
             case State.ENDED:
                 return False
@@ -420,7 +442,8 @@ class Running:
         if self._machine and self._round:
             self._move(self._machine._step)
             return True
-        computed = self._on_the_beat(self.worker.compute)
+        goals = self._connections.goals
+        computed = self._on_the_beat(self.worker.compute, goals.step if goals else None)
         self._compute.calls += computed
         return computed
 
@@ -437,14 +460,16 @@ class Running:
             with self._guarded(method):
                 method()
 
-    def _on_the_beat(self, hook: Callable[[], None]) -> bool:
-        """Call a hook if it is due, and return whether it was."""
+    def _on_the_beat(self, hook: Callable[[], None], then: Callable[[], None] | None = None) -> bool:
+        """Call a hook if it is due, and something after it, and return whether it was."""
         beat, begun = self._compute._beat, self.clock.now()
         if beat.due(begun) > begun:
             return False
         skipped = beat.overruns
         beat.begun()
         self._call(hook)
+        if then:
+            self._call(then)
         now = self.clock.now()
         beat.done(now)
         if beat.overruns != skipped:
@@ -506,13 +531,17 @@ class Running:
         """Wait on the clock while handlers may run; False if the component is asked to stop meanwhile."""
         if not 0 <= seconds <= MAX_SECONDS:
             raise ValueError(f"a component sleeps for 0 to {MAX_SECONDS:g} seconds, not {seconds!r}")
-        until, wake = self.clock.now() + ns(seconds), threading.Event()
+        return self._await(seconds, bool, threading.Event())
+
+    def _await(self, seconds: float | None, condition: Callable[[], bool], wake: threading.Event) -> bool:
+        """As `_sleep`, but not longer than until a condition holds, which is looked at when the event is set."""
+        until = NEVER if seconds is None else self.clock.now() + ns(seconds)
         over = (State.ENDED,) if self.state is State.FINISH else (State.FINISH, State.ENDED)
         with self._changing:
             self._sleeping.add(wake)
         try:
             with self.monitor.suspended():
-                while self.state not in over and self.clock.now() < until:
+                while self.state not in over and not condition() and self.clock.now() < until:
                     if self.clock.wait(wake, until):
                         wake.clear()
         finally:

@@ -479,7 +479,7 @@ class _Checker:
                 self._complain("config-unknown-key", (*at, name), unknown("port", name, known))
                 continue
             table = self._table(data, name, at)
-            operations = [operation.name for operation, _ in known[name].interface.under(known[name].verb)]
+            operations = known[name].interface.called(known[name].verb)
             found[(name,)] = self._port(known[name], table, (*at, name), operations)
             for operation in operations:
                 if operation in table and operation not in _PORT_KEYS:
@@ -645,10 +645,7 @@ _ITEM = "[]"
 def _keys_of(component: Component) -> _Keys:
     """All keys of a component's configuration, as nested tables."""
     port = {**_words(_PORT_KEYS), "qos": _words(f.name for f in fields(QoS))}
-    ports = {
-        each.name: {operation.name: port for operation, _ in each.interface.under(each.verb)} | port
-        for each in component.ports
-    }
+    ports = {each.name: dict.fromkeys(each.interface.called(each.verb), port) | port for each in component.ports}
     return {
         **_words(KEYS),
         "component": _words(_COMPONENT_KEYS),

@@ -81,7 +81,7 @@ class Tally:
     def _rows(self, bound: Bound) -> Iterator[dict[str, Any]]:
         operations = [operation.name for operation, _ in bound.port.interface.under(bound.port.verb)]
         links = iter(bound.links)
-        for operation, route in zip(operations, bound.routes, strict=True):
+        for operation, route in zip(operations, bound.routes, strict=False):  # those of actions come last
             if bound.port.verb is Verb.REQUIRES:
                 yield self._row(bound, operation, route.middleware, self._counted[bound.port.name][operation].number)
             elif bound.port.verb is Verb.SUBSCRIBES:

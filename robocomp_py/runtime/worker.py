@@ -220,6 +220,17 @@ def check_methods(worker: type[Worker[Any]]) -> None:
             lacking = f"{worker.__name__} lacks the method {name}"
             raise ComponentError(f"{lacking}; {_remedy(worker)}:\n\n{_stub(worker, name)}")
         _check_method(worker, name, arguments)
+    for port, action in worker.component.actions():
+        _check_steps(worker, port.handler(action.name))
+
+
+def _check_steps(worker: type[Worker[Any]], name: str) -> None:
+    """Raise ComponentError if a handler of an action is no generator."""
+    if not inspect.isgeneratorfunction(inspect.unwrap(getattr(worker, name))):
+        raise ComponentError(
+            f"{worker.__name__}.{name} must contain a `yield`, because it executes an action: each `yield` waits for "
+            "the next compute, and raises Cancelled if the goal is cancelled"
+        )
 
 
 def _check_method(worker: type[Worker[Any]], name: str, arguments: list[str]) -> None:
@@ -253,6 +264,8 @@ def _wanted(component: Component) -> Iterator[tuple[str, list[str]]]:
     """The methods that a component must have, and their arguments."""
     for port, operation in component.handlers():
         yield port.handler(operation.name), [field.attribute for field in operation.inputs]
+    for port, action in component.actions():
+        yield port.handler(action.name), ["goal", *(field.attribute for field in action.inputs)]
     for method in component.machine.methods() if component.machine else ():
         yield method, []
     for timer in component.timers:

@@ -21,11 +21,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from ..contract import types as t
+from ..contract.action import Action
 from ..contract.component import Port
 from ..contract.interface import Operation, Pattern, Verb
 from ..contract.parameters import ParameterSet
@@ -45,6 +46,9 @@ from ..wire.codec import Codec, Payload
 from .fakes import InTurn, Late, chosen, gone_after, hinders, in_turn, is_late, late
 from .patience import SOON
 from .stages import Raised, RealTime, VirtualTime
+
+if TYPE_CHECKING:
+    from .goals import GoalsOfTest
 
 __all__ = ["ComponentTest", "gone_after", "in_turn", "late", "load_component", "stand_ins"]
 
@@ -82,6 +86,10 @@ class ComponentTest:
             port.name: {operation.name: operation for operation, _ in port.interface.under(port.verb)}
             for port in worker.component.ports
         }
+        self._actions = {
+            port.name: {each.name: each for each in port.interface.actions_under(port.verb)}
+            for port in worker.component.ports
+        }
         for name, faked in fakes.items():
             for operation in faked:
                 self._known(f"{name}.{operation}")
@@ -106,6 +114,8 @@ class ComponentTest:
         self._fakes = fakes
         self._received: list[tuple[str, tuple[Any, ...]]] = []
         self._proxies: dict[str, ports.Proxy] = {}
+        self._goals: GoalsOfTest | None = None
+        """If the component has actions."""
         self._monitor = Monitor("fakes", self._stage.threads)
         self._facing: dict[str, list[Link]] = {}
         """The links of each port's other side."""
@@ -129,6 +139,10 @@ class ComponentTest:
         self._monitor.open()
         self._transport = self._stage.open()
         try:
+            if self._running.component.has_actions:
+                from .goals import GoalsOfTest  # few components need it
+
+                self._goals = GoalsOfTest(self._stage, self._monitor, self._route, self._act)
             for port in self._running.component.ports:
                 self._face(port)
             self._stage.start()
@@ -155,7 +169,13 @@ class ComponentTest:
         return ended
 
     def call(self, operation: str, *arguments: Any, deadline: float = SOON) -> Any:
-        """Call what the component implements: `call("Speech.say", "hello")`."""
+        """Call what the component implements: `call("Speech.say", "hello")`.
+
+        For an action, that returns its `Goal`, as soon as the component has accepted it.
+        """
+        name, _, action = operation.partition(".")
+        if self._goals and action in self._actions.get(name, {}):
+            return self._goals.begin(name, self._actions[name][action], arguments, deadline)
         proxy, contract = self._proxy(operation)
         return self._stage.do(partial(proxy._ask, contract, arguments, deadline))
 
@@ -217,6 +237,8 @@ class ComponentTest:
             self._facing[port.name] = ports.bind_handlers(facing, _Fake(self, port), self._route, self._monitor)
         else:
             self._proxies[port.name], self._facing[port.name] = ports.bind_proxy(facing, self._route, self._monitor)
+        if self._goals and port.interface.actions_under(port.verb):
+            self._facing[port.name] += self._goals.face(port, facing)
 
     def _proxied(self, place: str) -> Port:
         """The port by which the component sends to this place."""
@@ -241,13 +263,20 @@ class ComponentTest:
             raise ValueError(f"`{name}` is nothing to call: the component calls it itself, or it is a whole port")
         return self._proxies[port], operation
 
+    def _act(self, port: Port, action: Action, arguments: tuple[Any, ...]) -> Any:
+        """What the fake of an action does: see `fakes`."""
+        self._received.append((f"{port.name}.{action.name}", arguments))
+        fake = self._fakes.get(port.name, {}).get(action.name, _zeros)
+        return _zeros(action) if fake is _zeros else chosen(fake)
+
     def _known(self, name: str) -> tuple[str, Operation[Any] | None]:
         """A port, and its operation if the name has a second part. Raises ValueError for unknown names."""
         port, dot, operation = name.partition(".")
         if port not in self._operations:
             raise ValueError(unknown("port", port, self._operations))
-        if dot and operation not in self._operations[port]:
-            raise ValueError(f"port `{port}`: {unknown('operation', operation, self._operations[port])}")
+        if dot and operation not in {**self._operations[port], **self._actions[port]}:
+            known = [*self._operations[port], *self._actions[port]]
+            raise ValueError(f"port `{port}`: {unknown('operation', operation, known)}")
         return port, self._operations[port].get(operation)
 
     def _answer(self, port: Port, operation: Operation[Any], arguments: tuple[Any, ...]) -> Any:
@@ -272,6 +301,8 @@ class ComponentTest:
     def _hindered(self, channel: Channel, payload: Payload, codec: Codec) -> TransportError | None:
         """The error with which a command or publication of the component ends; None if it is sent."""
         place, _, name = channel.name.rpartition("/")
+        if "-" in name:
+            return None  # a part of an action
         port = self._proxied(place)
         answer = self._fakes.get(port.name, {}).get(name)
         error = hinders(chosen(answer)) if isinstance(answer, InTurn | TransportError) else None
@@ -308,7 +339,7 @@ def _source(port: Port) -> str:
     return f"fake/{port.label}"
 
 
-def _zeros(operation: Operation[Any]) -> Any:
+def _zeros(operation: Operation[Any] | Action) -> Any:
     values = tuple(zero(output.type) for output in operation.outputs)
     return values if len(values) > 1 else values[0] if values else None
 

@@ -60,6 +60,10 @@ class Stage(Protocol):
         """Wait in a fake, until the end of the test at most."""
         ...
 
+    def every(self, seconds: float, call: Callable[[], object]) -> None:
+        """Make a call again and again, until the end of the test."""
+        ...
+
     def stop(self, fakes: Transport) -> bool:
         """Stop the component; returns whether it has ended."""
         ...
@@ -78,6 +82,7 @@ class RealTime:
         self._options = {"bus": bus, "hand_over": hand_over}
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self.running.run, name="component under test")
+        self._beats: threading.Thread | None = None
 
     def open(self) -> Transport:
         return InprocTransport(TransportConfig(self._options, "test"))
@@ -97,9 +102,19 @@ class RealTime:
     def sleep(self, seconds: float) -> None:
         self._ending.wait(seconds)
 
+    def every(self, seconds: float, call: Callable[[], object]) -> None:
+        def again() -> None:
+            while not self._ending.wait(seconds):
+                call()
+
+        self._beats = threading.Thread(target=again, name="beats of fakes")
+        self._beats.start()
+
     def stop(self, fakes: Transport) -> bool:
         self._ending.set()
         self.running.stop()
+        if self._beats:
+            self._beats.join(SOON)
         if self._thread.ident is not None:
             self._thread.join(SOON)
         assert isinstance(fakes, InprocTransport)
@@ -148,6 +163,13 @@ class VirtualTime:
 
     def sleep(self, seconds: float) -> None:
         Pause(self._executor).wait(self._executor.now + ns(seconds))
+
+    def every(self, seconds: float, call: Callable[[], object]) -> None:
+        def again() -> None:
+            call()
+            self._executor.at(self._executor.now + ns(seconds), again)
+
+        again()
 
     def stop(self, fakes: Transport) -> bool:
         self.running.stop()

@@ -210,6 +210,11 @@ class IceOptions:
         return _of(self.topics, channel) or self.topics.get(names.segment(channel))
 
 
+def operation_of(channel: str) -> str:
+    """What Ice calls the operation of a channel: names of Slice have no hyphen."""
+    return names.operation(channel).replace("-", "_")
+
+
 def identity_of(channel: str) -> str:
     """What the object that serves a channel's operations is called: `laser`."""
     return names.segment(channel).lower()

@@ -51,6 +51,8 @@ class Way:
     """Which instance names the middleware, and where it does; "" if rcdeploy chose it."""
     named: str = ""
     """The named instance of the provider, in its system; "" if the provider offers it by its own name."""
+    parts: tuple[tuple[str, Verb], ...] = ()
+    """Of an action: what its channels have behind its name, each with what the client does with it."""
 
     @property
     def source(self) -> str:

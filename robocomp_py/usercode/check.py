@@ -49,6 +49,9 @@ def wanted(component: Component) -> list[Wanted]:
         Wanted(port.handler(operation.name), tuple(each.attribute for each in operation.inputs), ports[id(port)])
         for port, operation in component.handlers()
     ]
+    for port, action in component.actions():
+        arguments = ("goal", *(each.attribute for each in action.inputs))
+        found.append(Wanted(port.handler(action.name), arguments, ports[id(port)]))
     methods = component.machine.methods() if component.machine else ()
     timers = (Wanted(each.method, (), _TIMERS - number) for number, each in enumerate(component.timers))
     return [*found, *(Wanted(each, (), _MACHINE) for each in methods), *timers]

@@ -14,7 +14,7 @@ from robocomp_py.runtime.load import load_worker
 from robocomp_py.runtime.worker import Worker
 
 MODELS = Path(__file__).parent / "models"
-NAMES = ("everything", "names", "patrol", "plain", "points", "towers")
+NAMES = ("everything", "names", "patrol", "plain", "points", "ship", "towers")
 """The components that have golden files."""
 
 

@@ -126,6 +126,13 @@ def test_the_guide_to_testing_works_as_written(tmp_path: Path) -> None:
         do(step, tmp_path)
 
 
+def test_the_guide_to_actions_works_as_written(tmp_path: Path) -> None:
+    done = list(steps(DOCS / "guides" / "actions.md"))
+    assert len(done) > 9
+    for step in done:
+        do(step, tmp_path)
+
+
 def test_the_guide_to_virtual_time_works_as_written(tmp_path: Path) -> None:
     done = list(steps(DOCS / "guides" / "simulating.md"))
     assert len(done) > 9

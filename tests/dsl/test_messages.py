@@ -320,7 +320,7 @@ arm.idsl:3:13: error[syntax]: unexpected `(`; expected a name or `::`
         "arm.idsl",
         "module Arm { interface Arm { void stop() = 0; }; };",
         """\
-arm.idsl:1:42: error[syntax]: unexpected `=`; expected `;` or `throws`
+arm.idsl:1:42: error[syntax]: unexpected `=`; expected `;`, `feedback` or `throws`
     module Arm { interface Arm { void stop() = 0; }; };
                                              ^
     remove `= 0`: operations have no body""",

@@ -40,6 +40,7 @@ AROUND = {
         "Query": IN_INTERFACE,
         "Query with outputs": IN_INTERFACE,
         "Command": IN_INTERFACE,
+        "Action": IN_INTERFACE,
         "Publication": IN_INTERFACE,
         "Struct": IN_MODULE,
         "Enum": IN_MODULE,

@@ -41,6 +41,7 @@ JOINTS = 'import "Joints.idsl";\nmodule RoboCompHand { struct Finger { float wid
         "interface Hand { void take(| ); };",
         "interface Hand { void take(int a, out | ); };",
         "interface Hand { void take(sequence<| ); };",
+        "interface Hand { [action] void take() feedback(| ); };",
         "[records] sequence<|",
         "interface Hand { void take([records] sequence<| ); };",
         "const |",
@@ -86,7 +87,7 @@ def test_enumerators_are_proposed_as_values(editor: Editor) -> None:
 
 def test_keywords_are_proposed_where_they_can_stand(editor: Editor) -> None:
     assert {"struct", "enum", "interface", "sequence"} <= set(items(editor, "Hand.idsl", JOINTS % "|"))
-    assert {"query", "command", "publish", "records"} == set(
+    assert {"query", "command", "publish", "action", "records"} == set(
         items(editor, "Hand.idsl", JOINTS % "interface Hand { [| };")
     )
     assert "throws" in items(editor, "Hand.idsl", JOINTS % "interface Hand { void take() | };")
@@ -136,6 +137,26 @@ def test_an_interface_that_is_not_imported_is_proposed_with_its_import(editor: E
 )
 def test_a_component_is_written_with_what_fits(editor: Editor, statement: str, clause: str, expected: set[str]) -> None:
     assert expected <= set(items(editor, "arm/c.cdsl", COMPONENT % (statement, clause)))
+
+
+@pytest.mark.parametrize(
+    ("inside", "expected", "absent"),
+    [
+        ("(|);", {"goTo", "dock", "zeromq"}, {"ready"}),
+        ("(goTo |);", {"refuse", "preempt", "queue"}, {"zeromq"}),
+        ("(goTo queue, |);", {"goTo", "dock"}, {"zeromq", "queue"}),
+    ],
+)
+def test_policies_of_actions_are_proposed(editor: Editor, inside: str, expected: set[str], absent: set[str]) -> None:
+    editor.open(
+        "Guide.idsl",
+        "module RoboCompGuide { interface Guide "
+        "{ [action] void goTo(int x) feedback(int left); [action] void dock(); [query] bool ready(); }; };",
+    )
+    text = 'import "Guide.idsl"; Component robot { Communications { implements Guide%s }; language python; };'
+    found = set(items(editor, "robot.cdsl", text % inside))
+    assert expected <= found
+    assert not absent & found
 
 
 def test_imports_are_proposed_as_they_are_found(editor: Editor) -> None:

@@ -51,6 +51,7 @@ FIXABLE = {
     UNUSED_IMPORT,
     "wrong-each",
     "wrong-offers",
+    "wrong-policy",
 }
 """Codes of which some diagnostics say what is right: a name that is close, a word that is missing or too many."""
 
@@ -71,6 +72,7 @@ NOT_FIXABLE = {
     "several-bases",
     "shared-enumerator",
     # There are several ways out, or something has to be thought of.
+    "wrong-action",
     "ambiguous-port",
     "bad-command",
     "bad-host",

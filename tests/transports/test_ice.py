@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from robocomp_py.testing.actions import ActionsConformance
 from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.instances import InstancesConformance
 from robocomp_py.transports.base import Transport
@@ -23,6 +24,11 @@ def storm() -> Iterator[str]:
 
 class TestIce(TransportConformance):
     def open_transport(self) -> Transport:
+        return open_ice()
+
+
+class TestActionsOverIce(ActionsConformance):
+    def open_transport(self, owner: str = "test") -> Transport:
         return open_ice()
 
 

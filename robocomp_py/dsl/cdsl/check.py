@@ -6,6 +6,7 @@ import keyword
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from ...contract.action import POLICIES
 from ...contract.component import MAX_SECONDS, TAKEN, Port, numbers
 from ...contract.interface import Interface, Verb
 from ...contract.statemachine import StateMachine
@@ -80,7 +81,11 @@ class _Checker:
             message = f"`{item.interface}` is {names}"
             self.report.error("ambiguous-interface", message, item.interface.span, "import one of them only")
         interface = found[0]
-        if not interface.operations:
+        self._check_policies(item, interface)
+        if item.each and item.verb is Verb.IMPLEMENTS and interface.actions:
+            message = f"`{item.interface}` has actions, which named instances cannot have"
+            self.report.error("wrong-each", message, item.each, "remove it, or move its actions to another interface")
+        if not (interface.operations or interface.actions):
             self.report.warning("empty-interface", f"`{item.interface}` has no operations", item.interface.span)
         else:
             self._check_verb(item, interface)
@@ -101,6 +106,27 @@ class _Checker:
         if item.marker:
             self._check_marker(item.marker)
 
+    def _check_policies(self, item: m.Item, interface: Interface) -> None:
+        actions = [each.name for each in interface.actions]
+        seen: dict[str, Name] = {}
+        for action, policy in item.policies:
+            if item.verb is not Verb.IMPLEMENTS:
+                message = "the component that implements an action decides about its goals"
+                self.report.error("wrong-policy", message, action.span.to(policy.span), "remove it")
+                continue
+            if action.text not in actions:
+                hint = did_you_mean(action.text, actions) or (f"its actions: {', '.join(actions)}" if actions else "")
+                message = f"`{action}` is no action of `{item.interface}`"
+                self.report.error("wrong-policy", message, action.span, hint or "it has no actions: remove it")
+            first = seen.setdefault(action.text, action)
+            if first is not action:
+                message = f"`{action}` has two policies"
+                self.report.error("wrong-policy", message, action.span, "remove one", ("first here", first.span))
+            if policy.text.lower() not in POLICIES:
+                hint = did_you_mean(policy.text.lower(), POLICIES) or f"write one of {', '.join(POLICIES)}"
+                message = f"`{policy}` does not tell what happens to a goal while another one is active"
+                self.report.error("wrong-policy", message, policy.span, hint)
+
     def _check_verb(self, item: m.Item, interface: Interface) -> None:
         left_out = [operation for operation in interface.operations if not operation.carried(item.verb)]
         twoway = [f"`{operation.name}`" for operation in left_out if operation.pattern is None]
@@ -115,7 +141,7 @@ class _Checker:
             message = f"{', '.join(twoway)} cannot be published: a publication returns nothing"
             hint = f"`{item.verb}` leaves {'it' if len(twoway) == 1 else 'them'} out"
             self.report.warning("not-a-publication", message, item.interface.span, hint)
-        elif len(left_out) == len(interface.operations):
+        elif len(left_out) == len(interface.operations) and not interface.actions_under(item.verb):
             self.report.error(
                 "wrong-verb",
                 f"no operation of `{item.interface}` takes part in `{item.verb}`",
@@ -295,5 +321,5 @@ def _attributes(port: Port) -> Iterator[tuple[str, str]]:
     if port.verb.has_proxy:
         yield port.attribute, f"the proxy of `{port.interface.short}`"
         return
-    for operation, _ in port.interface.under(port.verb):
-        yield port.handler(operation.name), f"`{operation.name}` of `{port.interface.short}`"
+    for name in port.interface.called(port.verb):
+        yield port.handler(name), f"`{name}` of `{port.interface.short}`"

@@ -33,6 +33,7 @@ def link(
                 item.concurrent,
                 _middleware(item),
                 each=item.each is not None,
+                policies=tuple((action.text, policy.text.lower()) for action, policy in item.policies),
             )
         )
     seconds = model.period.seconds if model.period else None

@@ -59,6 +59,8 @@ class Item:
     concurrent_at: Span | None = None
     each: Span | None = None
     """Set if named instances provide it."""
+    policies: tuple[tuple[Name, Name], ...] = ()
+    """Actions, each with what happens to a goal that arrives while another one is active."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,9 +55,13 @@ class _Builder(Builder):
                 tuple(
                     setting_of(self._source, each) for extra in extras if extra.data == "qos" for each in extra.children
                 ),
-                *(
-                    next((self._span(each) for each in extras if each.data == word), None)
-                    for word in ("concurrent", "each")
+                next((self._span(each) for each in extras if each.data == "concurrent"), None),
+                next((self._span(each) for each in extras if each.data == "each"), None),
+                tuple(
+                    (self._name(each.children[0]), self._name(each.children[1]))
+                    for extra in extras
+                    if extra.data == "policies"
+                    for each in extra.children
                 ),
             )
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
+from ...contract.action import PARTS, RESERVED
 from ...contract.interface import Pattern
-from ...contract.naming import names_of
+from ...contract.naming import feedback_struct, goal_class, names_of
 from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key, python_name
 from ..diagnostics import Proposals, Report, did_you_mean
 from ..numbers import whole
@@ -131,7 +132,12 @@ class _Checker:
             return [definition.name.text]
         every = [definition, *self._ancestors(definition)]
         operations = [each.name.text for part in every if isinstance(part, m.Interface) for each in part.operations]
-        return list(dict.fromkeys(names_of(definition.name.text, operations)))
+        found = [*names_of(definition.name.text, operations)]
+        for each in definition.operations:
+            if each.is_action and each.feedback:
+                found += [feedback_struct(definition.name.text, each.name.text)]
+                found += [goal_class(definition.name.text, each.name.text)]
+        return list(dict.fromkeys(found))
 
     def _check_names(self, names: Sequence[Name], what: str, code: str = "duplicate") -> None:
         """Check that names are unique, here and in Python."""
@@ -237,6 +243,7 @@ class _Checker:
         self._check_reserved([operation.name for operation in interface.operations])
         for operation in interface.operations:
             self._check_operation(operation)
+        self._check_actions(interface, seen)
 
     def _ancestors(self, definition: m.Interface | m.Exception_) -> list[m.Definition]:
         """The definitions that it extends directly or indirectly, nearest first; itself, too, if that is circular.
@@ -273,8 +280,9 @@ class _Checker:
                 self._error("duplicate", f"an output named `ret` beside {beside}", param.name.span, "rename it")
         self._check_param_defaults(operation)
         self._check_throws(operation)
+        self._check_feedback(operation)
         pattern = operation.pattern
-        if pattern and pattern.text != Pattern.QUERY and (operation.gives_back or operation.throws):
+        if pattern and pattern.text not in (Pattern.QUERY, m.ACTION) and (operation.gives_back or operation.throws):
             self._error(
                 "one-way-gives-back",
                 f"a {pattern} is one-way: it cannot return, have outputs or throw",
@@ -282,6 +290,39 @@ class _Checker:
                 "make it a [query]",
                 ("declared here", pattern.span),
             )
+
+    def _check_feedback(self, operation: m.Operation) -> None:
+        for param in operation.feedback:
+            self._check_type(param.type)
+            if param.default:
+                self._check_literal(param.type, param.default)
+            if param.out:
+                self._error("wrong-action", "feedback has no `out`: it goes to the client", param.span, "remove `out`")
+        self._check_names([param.name for param in operation.feedback], "field of the feedback")
+        if operation.feedback_at and not operation.is_action:
+            message = f"only actions have feedback, and `{operation.name}` is none"
+            pattern = operation.pattern
+            hint = f"write `[action]` instead of `[{pattern}]`" if pattern else "write `[action]` before it"
+            self._error("wrong-action", message, operation.feedback_at, hint)
+        if not operation.is_action:
+            return
+        if operation.idempotent and operation.pattern:
+            message = f"`{operation.name}` cannot be idempotent: each goal of an action is executed once"
+            self._error("wrong-action", message, operation.pattern.span, "remove `idempotent`")
+        for param in operation.params:
+            if param.name.text in RESERVED:
+                message = f"every action already has a parameter `{param.name}`"
+                self._error("reserved-name", message, param.name.span, "give it another name")
+
+    def _check_actions(self, interface: m.Interface, operations: Mapping[str, m.Operation]) -> None:
+        """Check that no operation is called as a part of an action, as Ice spells it."""
+        for action in operations.values():
+            parts = [f"{action.name}_{part}" for part in PARTS] if action.is_action else []
+            for other in (operations[name] for name in parts if name in operations):
+                message = f"`{other.name}` and a part of the action `{action.name}` have the same name in Ice"
+                at, there = (other, action) if other in interface.operations else (action, other)
+                related = ("the other one is here", there.name.span)
+                self._error("wrong-action", message, at.name.span, "rename one of them", related)
 
     def _check_param_defaults(self, operation: m.Operation) -> None:
         given: Name | None = None
@@ -476,7 +517,7 @@ def _parts(definition: m.Definition) -> Iterator[tuple[m.TypeName, Span]]:
         case m.Interface(operations=operations):
             for operation in operations:
                 yield operation.result, operation.result.span
-                yield from ((param.type, param.type.span) for param in operation.params)
+                yield from ((each.type, each.type.span) for each in (*operation.params, *operation.feedback))
         case m.Sequence(item=item):
             yield item, item.span
         case m.Dictionary(key=key, value=value):

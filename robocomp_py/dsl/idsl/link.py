@@ -8,7 +8,9 @@ from typing import Any
 
 from ...contract import interface as c
 from ...contract import types as t
+from ...contract.action import Action
 from ...contract.module import Constant, Definition, Module
+from ...contract.naming import feedback_struct
 from ..source import Name
 from . import model as m
 from .check import BUILTIN, enum_values, qualified
@@ -61,7 +63,8 @@ class _Linker:
             case m.Const(type=kind, value=value, doc=doc):
                 return Constant(name, self._type(kind), self._literal(kind, value), doc)
             case m.Interface(doc=doc):
-                return c.Interface(name, tuple(self._operations(name, definition)), doc)
+                operations = tuple(self._operations(name, definition))
+                return c.Interface(name, operations, doc, tuple(self._actions(name, definition)))
 
     def _fields(self, fields: tuple[m.Field, ...]) -> tuple[t.Field, ...]:
         return tuple(
@@ -99,8 +102,42 @@ class _Linker:
             inherited = self._definition(qualified(base.text, self._module))
             assert isinstance(inherited, c.Interface)
             found |= {each.name: replace(each, interface=interface) for each in inherited.operations}
-        found |= {each.name.text: self._operation(interface, each) for each in definition.operations}
+        own = (each for each in definition.operations if not each.is_action)
+        found |= {each.name.text: self._operation(interface, each) for each in own}
         return found.values()
+
+    def _actions(self, interface: str, definition: m.Interface) -> Iterable[Action]:
+        """Inherited ones first."""
+        found: dict[str, Action] = {}
+        for base in definition.bases:
+            inherited = self._definition(qualified(base.text, self._module))
+            assert isinstance(inherited, c.Interface)
+            found |= {each.name: each.inherited(interface) for each in inherited.actions}
+        own = (each for each in definition.operations if each.is_action)
+        found |= {each.name.text: self._action(interface, each) for each in own}
+        return found.values()
+
+    def _action(self, interface: str, action: m.Operation) -> Action:
+        made = self._operation(interface, action)
+        feedback = None
+        if action.feedback:
+            name = qualified(feedback_struct(interface.rpartition("::")[2], action.name.text), self._module)
+            fields = tuple(
+                t.Field(each.name.text, self._type(each.type), self._default(each.type, each.default))
+                for each in action.feedback
+            )
+            feedback = t.Struct(name, fields, doc=f"The feedback of `{action.name}`.")
+            self._known[name] = self._made[name] = feedback
+        return Action(
+            interface,
+            made.name,
+            made.inputs,
+            made.outputs,
+            feedback,
+            made.raises,
+            doc=made.doc,
+            source=made.source,
+        )
 
     def _operation(self, interface: str, operation: m.Operation) -> c.Operation[Any]:
         returned = (t.Field("ret", self._type(operation.result)),) if operation.returns else ()
@@ -114,7 +151,7 @@ class _Linker:
             inputs=tuple(field for out, field in params if not out),
             outputs=(*returned, *(field for out, field in params if out)),
             raises=tuple(self._exception(each) for each in operation.throws),
-            pattern=c.Pattern(operation.pattern.text) if operation.pattern else None,
+            pattern=c.Pattern(operation.pattern.text) if operation.pattern and not operation.is_action else None,
             idempotent=operation.idempotent,
             doc=operation.doc,
             source=operation.text,

@@ -18,6 +18,9 @@ class SequenceOf:
 
 TypeName = Name | SequenceOf
 
+ACTION = "action"
+"""Stands where other operations have a pattern."""
+
 
 @dataclass(frozen=True, slots=True)
 class Literal:
@@ -117,6 +120,13 @@ class Operation:
     doc: str = ""
     text: str = ""
     """Its declaration on one line, without comments."""
+    feedback: tuple[Param, ...] = ()
+    feedback_at: Span | None = None
+    """Where its `feedback` is, if it has one."""
+
+    @property
+    def is_action(self) -> bool:
+        return self.pattern is not None and self.pattern.text == ACTION
 
     @property
     def returns(self) -> bool:

@@ -89,6 +89,7 @@ class _Builder(Builder):
         idempotent = _is(rest[0], "IDEMPOTENT")
         result, name, *rest = rest[1:] if idempotent else rest
         throws = tuple(map(self._qualified, rest.pop().children)) if rest and _is(rest[-1], "throws") else ()
+        feedback = rest.pop() if rest and _is(rest[-1], "feedback") else None
         span = self._span(tree)
         return m.Operation(
             pattern,
@@ -100,6 +101,8 @@ class _Builder(Builder):
             span,
             self._doc(tree),
             _one_line(self._parsed.comments.bare[span.start : span.end]),
+            tuple(map(self._param, feedback.children)) if feedback else (),
+            self._span(feedback) if feedback else None,
         )
 
     def _param(self, tree: Any) -> m.Param:

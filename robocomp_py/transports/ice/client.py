@@ -19,9 +19,9 @@ from ...errors import (
     TransportError,
     Unreachable,
 )
-from ...wire import names
 from ...wire.codec import MAX_BYTES, Payload
 from ...wire.header import Flag, clock, pack_request
+from .. import iceoptions
 from ..base import Channel, Reply, Status
 from ..client import CallingLink, CommandingLink, FindingLink
 from ..directory import Entry, Member
@@ -216,7 +216,7 @@ class ClientLink(FindingLink["IceTransport", Peer, str]):
 
     def __init__(self, transport: IceTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
-        self._operation = names.operation(channel.name)
+        self._operation = iceoptions.operation_of(channel.name)
         self._mode = IDEMPOTENT if channel.idempotent else NORMAL
         self._elsewhere = transport.options.proxy_of(channel.name) or ""
         self._told = {} if transport.limit == MAX_BYTES else {RC_MAX: str(transport.limit)}

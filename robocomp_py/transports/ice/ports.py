@@ -90,14 +90,14 @@ class Ports:
 
     def carried(self, port: Port) -> list[str]:
         """The operations of a port that use Ice."""
-        operations = [operation.name for operation, _ in port.interface.under(port.verb)]
+        operations = port.interface.called(port.verb)
         if port not in self.component.ports:  # its `CommonBehavior`
             return operations if carrier(self.settings.middleware, self._generated_for) == ICE else []
         return [name for name in operations if ICE in self.settings.middlewares(port, name, self._generated_for)]
 
     def elsewhere(self, port: Port) -> str:
         """The transport of a port that does not use Ice."""
-        operations = (operation.name for operation, _ in port.interface.under(port.verb))
+        operations = port.interface.called(port.verb)
         if port not in self.component.ports:
             return carrier(self.settings.middleware, self._generated_for)
         return next((self.settings.middlewares(port, name, self._generated_for)[0] for name in operations), "")
@@ -105,7 +105,7 @@ class Ports:
     def without_source(self, port: Port) -> Iterator[Key]:
         """The keys for a missing source: that of the port, or those of its operations that use Ice."""
         carried = self.carried(port)
-        operations = [operation.name for operation, _ in port.interface.under(port.verb)]
+        operations = port.interface.called(port.verb)
         said = self.settings.ports
         if (found := said.get((port.name,))) and found.source:
             return

@@ -9,9 +9,9 @@ from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import NO_DEADLINE, Request
+from .. import iceoptions
 from ..base import Reply, Status
 from ..leader_followers import Job
 from ..server import CommandInlet as _CommandInlet
@@ -114,12 +114,12 @@ class ServedObject:
 
     def add(self, link: ServingLink) -> None:
         self.held.add(link)
-        operation = names.operation(link.channel.name)
+        operation = iceoptions.operation_of(link.channel.name)
         self._links[operation] = link
         self._left.discard(operation)
 
     def remove(self, link: ServingLink) -> None:
-        operation = names.operation(link.channel.name)
+        operation = iceoptions.operation_of(link.channel.name)
         if self._links.get(operation) is link:
             self._left.add(operation)  # first: an invocation that finds no link checks this
             del self._links[operation]

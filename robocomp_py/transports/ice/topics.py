@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...contract.qos import from_traits
 from ...errors import Closed, Timeout, TransportError
-from ...wire import names
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, random_id
+from .. import iceoptions
 from ..base import Channel, Sink, depth_of
 from ..credit import Credit
 from ..directory_transport import DirectoryLink
@@ -63,7 +63,7 @@ class Publisher(DirectoryLink["IceTransport"]):
         qos = channel.qos
         self.id = random_id()
         self._lossless = qos.reliable
-        self._operation = names.operation(channel.name)
+        self._operation = iceoptions.operation_of(channel.name)
         self._mode = library.IDEMPOTENT if channel.idempotent else library.NORMAL
         self._fingerprint = channel.type.fingerprint
         self.ahead = min(depth_of(qos), MOST_AHEAD)
@@ -214,7 +214,7 @@ class Subscriber(SubscribingLink["IceTransport"]):
         self._sink = sink
         super().__init__(transport, channel, sink)
         self.id = random_id()
-        self.operation = names.operation(channel.name)
+        self.operation = iceoptions.operation_of(channel.name)
         self._latched = channel.qos.latched
         self._looking = threading.Lock()
         self._taking = threading.RLock()

@@ -76,6 +76,7 @@ SEEDS = [
     Seed("a QoS of calls", "qos-of-calls", _FILE, {"(zeromq), Arm;": "(zeromq), Arm qos(«reliable, depth 5»);"}),
     Seed("a proxy called concurrent", "concurrent-proxy", _FILE, {"(zeromq), Arm;": "(zeromq), Arm «concurrent»;"}),
     Seed("instances of a proxy", "wrong-each", _FILE, {"(zeromq), Arm;": "(zeromq), Arm «each»;"}),
+    Seed("a policy of a proxy", "wrong-policy", _FILE, {"(zeromq), Arm;": "(zeromq), Arm(«moveTo queue»);"}),
     Seed("a period without a unit", "bad-period", _FILE, {"period 50 ms": "period «50»"}),
     Seed("a unit misspelt", "bad-period", _FILE, {"period 50 ms": "period 50 «msec»"}),
     Seed("no period at all", "bad-period", _FILE, {"period 50 ms": "period «0 ms»"}),

@@ -48,6 +48,12 @@ _ARM = "Arm.idsl"
 SEEDS = [
     Seed("two letters of a type swapped", "unknown-type", _ARM, {"sequence<Joint>": "sequence<«Jiont»>"}),
     Seed("a built-in type misspelt", "unknown-type", _ARM, {"float angle;": "«flaot» angle;"}),
+    Seed(
+        "an action called a query",
+        "wrong-action",
+        _ARM,
+        {"out bool arrived);": "out bool arrived) «feedback(float left)»;"},
+    ),
     Seed("a type of C++", "unknown-type", _ARM, {"float angle;": "«uint» angle;"}),
     Seed(
         "a type of another module misspelt",

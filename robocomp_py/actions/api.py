@@ -1,0 +1,9 @@
+"""All names that generated code imports for actions."""
+
+from __future__ import annotations
+
+from ..contract.action import Action
+from .client import ActionProxy
+from .goal import Goal, ServerGoal
+
+__all__ = ["Action", "ActionProxy", "Goal", "ServerGoal"]

@@ -1,0 +1,183 @@
+"""Begins goals, and learns how they end.
+
+For each goal that is not over, one request for its result is under way. That request shows the server that the client
+is there, and it fails when the server goes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import partial
+from typing import Any, TypeVar
+
+from ..contract.action import OCTETS, Action, GoalState, NoResult
+from ..contract.interface import Operation
+from ..errors import Busy, Cancelled, RobocompError, Timeout, TransportError, Unreachable
+from ..runtime.ports import Proxy
+from ..transports.base import about_to_block
+from .goal import MOST_GOALS, Awaiting, Goal, Times
+
+log = logging.getLogger("robocomp.worker")
+
+R = TypeVar("R")
+F = TypeVar("F")
+
+_LEAVING = 0.5
+"""Seconds within which each goal is cancelled when the client closes."""
+
+_HELD = 1.0
+"""Longest time in seconds that the end of a goal is not counted as handled while its result is under way."""
+
+
+class GoalClient:
+    """The goals of one port."""
+
+    def __init__(
+        self,
+        actions: tuple[Action, ...],
+        bound: Mapping[str, Any],
+        awaiting: Awaiting,
+        identity: Callable[[], bytes],
+        times: Times = Times(),  # noqa: B008 - frozen
+        *,
+        holds: bool = False,
+    ) -> None:
+        """`bound` are the queries of the actions. If it `holds`, a message by which a goal ends is handled when its
+        result is here, so that a clock in lock-step waits for it."""
+        self._actions = {each.name: each for each in actions}
+        self._bound, self._awaiting, self._identity, self._times = bound, awaiting, identity, times
+        self._holds = holds
+        self._goals: dict[bytes, tuple[Action, Goal[Any, Any], bool]] = {}
+        self._lock = threading.Lock()
+        self._is_closed = False
+
+    def begin(
+        self, action: Action, arguments: tuple[Any, ...], detached: bool, deadline: float | None
+    ) -> Goal[Any, Any]:
+        """Begin a goal, and wait until its server has accepted it. Raises what calls raise."""
+        name = f"{action.interface}.{action.name}".replace("::", ".")
+        goal: Goal[Any, Any] = Goal(name, self._identity(), self._awaiting, partial(self._cancel, action))
+        with self._lock:
+            if len(self._goals) >= MOST_GOALS:
+                raise Busy(f"{name}: {MOST_GOALS} goals of this component are not over")
+            self._goals[goal.id] = action, goal, detached
+        try:
+            self._ask(action.start, (goal.id, detached, *arguments), deadline)
+        except BaseException as exc:
+            self._forget(goal)
+            if isinstance(exc, Busy):
+                raise Busy(f"{name}: its server does not accept the goal now: another one is active") from exc
+            raise
+        goal._note(GoalState.ACCEPTED)
+        self._poll(action, goal)
+        return goal
+
+    def heard(self, goal: Any, feedback: Any) -> None:
+        """Take feedback of any goal of that server."""
+        known = self._goals.get(bytes(goal))
+        if known:
+            known[1]._feedback = feedback
+
+    def told(self, goals: Any, states: Any) -> None:
+        """Take the states of all goals of that server."""
+        octets, numbers = bytes(goals), bytes(states)
+        for number, state in enumerate(numbers):
+            known = self._goals.get(octets[number * OCTETS : (number + 1) * OCTETS])
+            if known:
+                known[1]._note(state)
+                if self._holds and state >= GoalState.SUCCEEDED:
+                    _hold(known[1])
+
+    def close(self) -> None:
+        """Cancel the goals that are not detached. No goal can begin from now on."""
+        self._is_closed = True
+        with self._lock:
+            left = [(action, goal) for action, goal, detached in self._goals.values() if not detached]
+        for action, goal in left:
+            try:
+                self._bound[action.cancel.name].ask((goal.id,), _LEAVING)
+            except RobocompError as exc:  # its server notices the silence
+                log.debug("%r was not cancelled: %s", goal, exc)
+                return
+
+    def _ask(self, operation: Operation[Any], arguments: tuple[Any, ...], deadline: float | None) -> Any:
+        return self._bound[operation.name].ask(arguments, deadline)
+
+    def _cancel(self, action: Action, goal: Goal[Any, Any]) -> None:
+        goal._note(self._ask(action.cancel, (goal.id,), None))
+
+    def _poll(self, action: Action, goal: Goal[Any, Any]) -> None:
+        times = self._times
+        arguments = goal.id, times.slice
+        try:
+            answer: Future[Any] = self._bound[action.result.name].ask_async(arguments, times.slice + times.reply)
+        except RobocompError as exc:
+            self._end(goal, GoalState.UNKNOWN, error=exc)
+            return
+        Future.add_done_callback(answer, partial(self._answered, action, goal))  # outside of the monitor
+
+    def _answered(self, action: Action, goal: Goal[Any, Any], answer: Future[Any]) -> None:
+        if answer.cancelled():
+            return
+        error = answer.exception(0)
+        match error:
+            case None:
+                self._end(goal, GoalState.SUCCEEDED, answer.result(0))
+            case NoResult(state=GoalState.UNKNOWN):
+                lost = Unreachable(f"{goal._name}: its server was started again, and does not know the goal")
+                self._end(goal, GoalState.UNKNOWN, error=lost)
+            case NoResult(state=GoalState.CANCELED):
+                self._end(goal, GoalState.CANCELED, error=Cancelled(f"{goal._name}: the goal was cancelled"))
+            case NoResult(state=state):
+                goal._note(state)
+                self._go_on(action, goal)
+            case Timeout():
+                self._go_on(action, goal)
+            case TransportError():
+                self._end(goal, GoalState.UNKNOWN, error=error)
+            case Exception():
+                self._end(goal, GoalState.ABORTED, error=error)
+            case _:
+                raise error
+
+    def _go_on(self, action: Action, goal: Goal[Any, Any]) -> None:
+        if not self._is_closed:
+            self._poll(action, goal)
+
+    def _end(self, goal: Goal[Any, Any], state: GoalState, value: Any = None, error: Exception | None = None) -> None:
+        self._forget(goal)
+        goal._end(state, value, error)
+
+    def _forget(self, goal: Goal[Any, Any]) -> None:
+        with self._lock, contextlib.suppress(KeyError):
+            del self._goals[goal.id]
+
+
+def _hold(goal: Goal[Any, Any]) -> None:
+    """Wait until a goal is done, but not long."""
+    wake = threading.Event()
+    with goal._lock:
+        if goal._is_done:
+            return
+        goal._waiting.append(wake)
+    about_to_block()  # the result comes by the threads that receive
+    try:
+        wake.wait(_HELD)
+    finally:
+        with goal._lock:
+            goal._waiting.remove(wake)
+
+
+class ActionProxy(Proxy):
+    """Base of the generated proxies of interfaces with actions."""
+
+    _goals: GoalClient
+
+    def _begin(
+        self, action: Action, arguments: tuple[Any, ...], detached: bool, deadline: float | None
+    ) -> Goal[Any, Any]:
+        return self._goals.begin(action, arguments, detached, deadline)
