@@ -31,7 +31,19 @@ TAKEN = frozenset(
 WORKER = frozenset(
     {
         *("after", "caller", "component", "compute", "emergency", "finish", "initialize", "instance", "log"),
-        *("middleware", "now", "params", "period", "random", "restore", "sleep", "state", "statemachine", "stop"),
+        *(
+            "middleware",
+            "now",
+            "params",
+            "period",
+            "random",
+            "reads_caller",
+            "restore",
+            "sleep",
+            "state",
+            "statemachine",
+            "stop",
+        ),
         "timers",
     }
 )

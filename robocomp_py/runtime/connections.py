@@ -28,6 +28,7 @@ from ..transports.base import (
 )
 from ..wire import names
 from . import ports
+from .asking import reads_caller
 from .commonbehavior import CommonBehavior, port_of
 from .introspection import Bound
 
@@ -176,7 +177,10 @@ class Connections:
             else:
                 handlers = entry.handlers(port)
                 counted = self._counts.handlers(port, handlers) if self._counts else None
-                ports.bind_handlers(port, counted or handlers, route, self._monitor, watches, links=links)
+                signed = self._worker._is_told_callers or reads_caller(type(entry.given))
+                ports.bind_handlers(
+                    port, counted or handlers, route, self._monitor, watches, links=links, signed=signed
+                )
                 if counted:
                     entry.counters = counted.routes(routes)
             entry.bound = Bound(port, routes, tuple(links), entry.name)
@@ -290,11 +294,12 @@ class Connections:
                 self._counts.proxy(port, proxy, routes)
             setattr(self._worker, port.attribute, proxy)
         elif self._counts:
-            handlers = self._counts.handlers(port, self._worker)
-            links = ports.bind_handlers(port, handlers, route, self._monitor, self._watching)
+            handlers, signed = self._counts.handlers(port, self._worker), self._worker._is_told_callers
+            links = ports.bind_handlers(port, handlers, route, self._monitor, self._watching, signed=signed)
             handlers.routes(routes)
         else:
-            links = ports.bind_handlers(port, self._worker, route, self._monitor, self._watching)
+            signed = self._worker._is_told_callers
+            links = ports.bind_handlers(port, self._worker, route, self._monitor, self._watching, signed=signed)
         self.bound.append(Bound(port, routes, links))
         return links
 

@@ -50,6 +50,13 @@ class InstanceHandler(ABC):  # noqa: B024 - the generated classes have abstract 
     instance = ""
     """The name under which it was added; "" before that."""
 
+    @property
+    def caller(self) -> str:
+        """In a handler: the instance that made the call; "" if it is not known, and outside of handlers."""
+        from .callers import caller  # only handlers that use this need it
+
+        return caller()
+
 
 @dataclass
 class Entry(Generic[T]):

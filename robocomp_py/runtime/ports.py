@@ -30,6 +30,7 @@ from ..transports.base import (
     about_to_block,
     require,
 )
+from ..transports.senders import signing
 from ..wire.codec import Payload
 from .calls import Call, Handler
 from .loans import Loans, Memory, Shape
@@ -207,14 +208,20 @@ def bind_handlers(
     lazy: bool = False,
     outside: bool = False,
     links: list[Link] | None = None,
+    signed: bool = False,
 ) -> list[Link]:
     """Connect a port whose messages call a worker; return the links. About `links` see `bind_proxy`.
 
-    If `lazy`, codecs are compiled at first use. If `outside`, handlers are not part of the component: they run at once,
-    on the thread that receives, and call `about_to_block` before they wait.
+    If `lazy`, codecs are compiled at first use. If `signed`, handlers may ask for their caller.
+
+    If `outside`, handlers are not part of the component: they run at once, on the thread that receives, and call
+    `about_to_block` before they wait.
     """
     links = [] if links is None else links
     claimed: set[str] = set()
+    kind: type[Handler] = Handler
+    if signed:
+        from .callers import SignedHandler as kind  # only components that ask for their callers need it
     for operation, pattern in port.interface.under(port.verb):
         routes = router(port, operation).all
         method = getattr(handlers, port.handler(operation.name))
@@ -222,18 +229,20 @@ def bind_handlers(
         turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
         for route in routes:
             channel = checked_channel(route, operation, pattern)
-            answering = Handler(operation, route.transport.codec, method)
+            answering = kind(operation, route.transport.codec, method)
             if not lazy:
                 answering.compile()
             handling = BoundHandler(answering, monitor, port.concurrent, turn, outside)
             if pattern is not Pattern.PUBLISH:  # the claim of an interface's first operation covers the others
                 channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
+            channel = replace(channel, signed=True) if signed else channel
             if pattern is Pattern.QUERY:
-                link = route.transport.server(channel, handling.serve)
+                link = route.transport.server(channel, signing(handling.serve) if signed else handling.serve)
             else:
                 channel = replace(channel, on_receive=watched.heard) if watched else channel
-                link = route.transport.inlet(channel, handling.receive)
+                is_told = signed and pattern is Pattern.COMMAND  # a subscription has its own way: see `Reception`
+                link = route.transport.inlet(channel, signing(handling.receive) if is_told else handling.receive)
                 if watched:
                     watched.add(link)
             handling.count_in(link.stats)

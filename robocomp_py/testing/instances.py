@@ -11,6 +11,7 @@ import queue
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import ExitStack
 from functools import partial
 from typing import Any
@@ -71,6 +72,9 @@ class TellerProxy(Proxy):
 
     def tell(self, what: str, *, deadline: float | None = None) -> str:
         return self._ask(_QUERY, (what,), deadline)
+
+    def tellAsync(self, what: str, *, deadline: float | None = None) -> Future[str]:
+        return self._ask_async(_QUERY, (what,), deadline)
 
     def note(self, number: int) -> None:
         self._send(_COMMAND, (number,), None)

@@ -121,6 +121,9 @@ class Channel:
     """For a served channel: whether it needs a claim of its own, which also stops a server that starts at the same
     moment. False if another claim of the same component covers it. A channel that is already served is refused in
     either case."""
+    signed: bool = field(default=False, compare=False, repr=False)
+    """For an inlet or a served channel: whether messages are passed with their senders; see `senders`. A transport that
+    does not know them may pass plain payloads."""
     lazy: bool = field(default=False, compare=False, repr=False)
     """For a served channel: whether it is rarely called, so that its resources may be created at the first call."""
 

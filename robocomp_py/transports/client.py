@@ -26,6 +26,11 @@ LOOK = 0.05
 """Seconds between two checks whether the peers of pending calls live."""
 
 
+def client_mark(client: int) -> str:
+    """The trait by which servers find the owner of a client."""
+    return f"c{client:016x}"
+
+
 P = TypeVar("P", bound=Reached)
 W = TypeVar("W")
 
@@ -36,6 +41,7 @@ class FindingLink(DirectoryLink[T], ABC, Generic[T, P, W]):
     def __init__(self, transport: T, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.client, self._sequence = random_id(), itertools.count(1)
+        self.marks = client_mark(self.client)
         self._found: tuple[P, W, int] | None = None
         """The peer, what requests bear, and the version of the directory in which it was found."""
 

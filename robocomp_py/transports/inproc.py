@@ -47,6 +47,7 @@ from .limits import COMMANDS_WAITING, QUERIES_WAITING
 from .link import Ends
 from .pending import Pending
 from .reception import Reception
+from .senders import From, Sender
 from .turns import Turns
 
 PROMPT = 0.001
@@ -81,6 +82,7 @@ class InprocTransport(BusTransport):
         if type(self.hand_over) is not bool:
             raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
         self.owner = config.owner or "inproc"
+        self.sender: Sender = lambda: config.owner
         self._work: queue.SimpleQueue[Job] = queue.SimpleQueue()
         self._will_look = False
         """Whether the receiving thread is about to check for overdue calls."""
@@ -171,6 +173,8 @@ class _Outlet(BusLink[InprocTransport], SupportsSubscribers):
     def _give(self, inlet: _Inlet, payload: Payload, end: float) -> None:
         if inlet.reception.on:
             payload = inlet.admit(self.channel.name, time.time_ns(), payload)
+        elif inlet.signed:
+            payload = From(self.transport.sender, payload)
         patience = 0.0 if self._lossy else max(0.0, end - time.monotonic())
         if not inlet.lane.put(payload, patience, may_be_lost=self._lossy):
             raise Timeout(f"{self.channel.name}: a subscriber is too slow")
@@ -186,6 +190,7 @@ class _Inlet(BusLink[InprocTransport], SupportsSources):
         depth = depth_of(channel.qos) if topic else COMMANDS_WAITING
         lossy = topic and not channel.qos.reliable
         self.alone = not topic
+        self.signed = channel.signed and not topic  # the reception signs those of topics
         self.lane = Lane(channel.name, sink, depth, lossy=lossy, stats=self.stats)
         self.reception = Reception(channel, self.stats, self.lane.through)
 
@@ -225,7 +230,9 @@ class _Caller(BusLink[InprocTransport]):
         self._found: tuple[int, _Server] = -1, None  # type: ignore[assignment]  # of no version of the bus
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:
-        future = self._start(self._server(), payload, deadline, self._answered)
+        server = self._server()
+        signed = From(self.transport.sender, payload) if server.signed else payload
+        future = self._start(server, signed, deadline, self._answered)
         self.transport.look()
         return future
 
@@ -233,6 +240,8 @@ class _Caller(BusLink[InprocTransport]):
         version, server = self._found  # `_server` inlined, for speed; closing also changes the version
         if version != self.bus.version:
             server = self._server()
+        if server.signed:
+            payload = From(self.transport.sender, payload)
         if server.trusted >= self._enough:
             return self._ask_here(server, payload, deadline)
         # The Future has no callbacks, so any thread may end it.
@@ -317,6 +326,7 @@ class _Server(BusLink[InprocTransport]):
 
     def __init__(self, transport: InprocTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
+        self.signed = channel.signed
         self._servant = Servant(channel.name, service, self.stats)
         self._lock = threading.Lock()
         self._waiting: Turns[_Asked] = Turns()

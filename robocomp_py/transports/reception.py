@@ -22,6 +22,7 @@ from ..contract.qos import QoS, Shortfall, duration, from_traits, shortfalls
 from ..wire.codec import Payload
 from .base import Channel, Sink, Source, Statistics
 from .directory import Directory, Found
+from .senders import From, publisher, signing
 
 log = logging.getLogger("robocomp.transport")
 
@@ -77,7 +78,8 @@ class Reception:
         """Held by `meet`: the receiving thread and one that waits for a connection may look at the same time."""
         self._ageing = False
         self.on = self._on_receive is not None
-        if channel.qos.lifespan is not None and channel.pattern is Pattern.PUBLISH:
+        self._signed = channel.signed and channel.pattern is Pattern.PUBLISH
+        if self._signed or (channel.qos.lifespan is not None and channel.pattern is Pattern.PUBLISH):
             self._start_ageing()
 
     def meet(self, sources: Iterable[Source]) -> None:
@@ -104,6 +106,8 @@ class Reception:
             self._on_receive(name)
         if not self._ageing:
             return payload
+        if self._signed:
+            payload = From(publisher(name), payload)
         lifespan = self._lifespans.get(name, self._channel.qos.lifespan)
         if lifespan is None:
             return payload
@@ -116,6 +120,9 @@ class Reception:
             self._ageing = self.on = True  # after wrapping the sink, which must unwrap every `_Ageing`
 
     def _while_fresh(self, sink: Sink) -> Sink:
+        if self._signed:
+            sink = signing(sink)
+
         def deliver(payload: Payload) -> None:
             if type(payload) is not _Ageing:  # it arrived before a lifespan applied
                 sink(payload)

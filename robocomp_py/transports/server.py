@@ -13,11 +13,13 @@ from ..errors import AlreadyServed
 from ..wire.codec import Payload
 from ..wire.header import NO_DEADLINE, Flag, Request
 from .base import Channel, Reply, Service, Sink, Status
+from .client import client_mark
 from .directory_transport import DirectoryLink, DirectoryTransport
 from .exclusive import Claim, claim
 from .leader_followers import CommandLane, Job, Servant
 from .ledger import Ledger
 from .replies import Replies
+from .senders import From
 
 log = logging.getLogger("robocomp.transport")
 
@@ -55,7 +57,17 @@ class ServingLink(DirectoryLink[DirectoryTransport], ABC):
         """Take a request with the right contract, unless it was taken before; returns the job that remains."""
         if not self.ledger.admit(request.client, request.sequence):
             return None
-        return self.accept(payload, expires, answer)
+        return self.accept(self.signed(request, payload), expires, answer)
+
+    def signed(self, request: Request, payload: Payload) -> Payload:
+        """The payload of a request, with its sender if the channel wants that."""
+        return From(partial(self._owner_of, request.client), payload) if self.channel.signed else payload
+
+    def _owner_of(self, client: int) -> str:
+        """The instance that opened a client; "" if the directory does not have it, as for those on other hosts."""
+        mark = client_mark(client)
+        found = self.transport.directory.find(self.facing, self.channel.name)
+        return next((member.owner for member, entry in found if entry.traits.endswith(mark)), "")
 
     def refuse_stranger(self, request: Request) -> None:
         found = self.transport.find(self.facing, self.channel.name)
@@ -110,7 +122,7 @@ class Server(ServingLink):
         self._replies = Replies()
 
     def take(self, request: Request, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
-        new = self.ledger.admit(request.client, request.sequence)
+        new, payload = self.ledger.admit(request.client, request.sequence), self.signed(request, payload)
         if not (request.flags & Flag.IDEMPOTENT and self.channel.idempotent):
             return self.accept(payload, expires, answer) if new else None
         asked = request.client, request.sequence

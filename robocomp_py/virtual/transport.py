@@ -36,6 +36,7 @@ from ..transports.leader_followers import Job
 from ..transports.limits import COMMANDS_WAITING
 from ..transports.link import Ends
 from ..transports.reception import Reception
+from ..transports.senders import From, Sender
 from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from .executor import Executor, Pause
@@ -76,6 +77,7 @@ class VirtualTransport(BusTransport):
         waits longer. Otherwise calls are faster."""
         super().__init__(air.bus)
         self.codec: Codec = Cdr()
+        self.sender: Sender = lambda: owner
         self.air, self.owner, self.group, self.hand_over = air, owner, f"{middleware} ", hand_over
 
     def do(self, job: Job) -> None:
@@ -123,6 +125,8 @@ class Outlet(_Link, SupportsSubscribers):
         self.air.listener.sent(self.transport.owner, to, payload)
         if self._history.maxlen:
             self._history.append((executor.now, payload))
+        if to is not self.channel and to.signed:
+            payload = From(self.transport.sender, payload)
         until = executor.now + ns(deadline)
         for peer in list(peers):
             if not peer.put(self.channel.name, executor.now, payload, may_be_lost=self._lossy, until=until):
@@ -220,7 +224,7 @@ class Caller(_Link):
         executor.check_thread()
         server, until = self._server(), executor.now + ns(deadline)
         self.air.listener.sent(self.transport.owner, server.channel, payload)
-        reply = server.serve(payload)
+        reply = server.serve(From(self.transport.sender, payload) if server.channel.signed else payload)
         if isinstance(reply, Future):
             pause = Pause(executor)
             reply.add_done_callback(lambda _: pause.end())

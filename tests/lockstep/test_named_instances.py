@@ -24,7 +24,11 @@ RELIABLE = PRESETS["services_default"]
 
 
 class Echo(TellerHandler):
+    def __init__(self, callers: set[str]) -> None:
+        self.callers = callers
+
     def tell(self, what: str) -> str:
+        self.callers.add(self.caller)
         return f"{self.instance} {what}"
 
     def note(self, number: int) -> None:
@@ -48,10 +52,11 @@ class Ring(Worker[None]):
 
     def __init__(self) -> None:
         self.turn = 0
+        self.callers: set[str] = set()
 
     def initialize(self) -> None:
         for name in ("front", "back"):
-            self.teller.add(name, Echo())
+            self.teller.add(name, Echo(self.callers))
             self.news.add(name)
 
     def compute(self) -> None:
@@ -62,7 +67,7 @@ class Ring(Worker[None]):
             self.teller.remove("back")
             self.news.remove("back")
         if self.turn == 6:
-            self.teller.add("back", Echo())
+            self.teller.add("back", Echo(self.callers))
             self.news.add("back")
 
 
@@ -84,6 +89,7 @@ class Guest(Worker[None]):
 
     def __init__(self) -> None:
         self.heard: list[int] = []
+        self.publishers: set[tuple[str, int]] = set()
         self.story: list[tuple[int, str, str, list[int]]] = []
 
     def compute(self) -> None:
@@ -93,6 +99,7 @@ class Guest(Worker[None]):
 
     def News_push(self, number: int) -> None:
         self.heard.append(number)
+        self.publishers.add((self.caller, number % 10))
 
     def _ask(self, proxy: TellerProxy) -> str:
         try:
@@ -140,6 +147,8 @@ def test_in_lockstep_named_instances_are_heard_and_asked_at_their_instants(middl
     assert (ring.outcome, guest.outcome) == (True, True)
     story = list(enumerate(guest.story[:-1]))
     assert guest.story[:2] == in_virtual_time()[:2]
+    assert {each for each in guest.publishers if each[0]} == {("front", 0), ("back", 1)}
+    assert ring.callers - {""} == {"guest"}
     for turn, (at, front, _, heard) in story:
         assert (at, front, heard[0]) == (100 * turn, "front here", 10 * turn)
         assert heard[1:] in ([], [10 * turn + 1])

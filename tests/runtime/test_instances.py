@@ -246,9 +246,9 @@ def test_an_instance_has_the_settings_of_its_port_and_its_own() -> None:
 def test_the_names_that_are_taken_are_those_of_workers_and_handlers() -> None:
     own = {name for name in (*dir(Worker), *Worker.__annotations__) if name.isidentifier() and name.islower()}
     plain = {name for name in own if not name.startswith("_") and not name.startswith("on_")}
-    assert plain | {"statemachine", "caller"} == WORKER
+    assert plain | {"statemachine"} == WORKER
     handler = {name for name in dir(InstanceHandler) if not name.startswith("_")}
-    assert handler | {"caller"} == HANDLER
+    assert handler == HANDLER
 
 
 def test_a_component_without_named_instances_does_not_import_them() -> None:

@@ -33,8 +33,8 @@ def free_storm() -> str:
     return f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {free_port()}"
 
 
-def open_ice(**options: Any) -> Transport:
-    return find_transport("ice")(TransportConfig({"storm": os.environ.get(_WHERE, ""), **options}, "test"))
+def open_ice(owner: str = "test", **options: Any) -> Transport:
+    return find_transport("ice")(TransportConfig({"storm": os.environ.get(_WHERE, ""), **options}, owner))
 
 
 def place_of(storm: str) -> Place:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from robocomp_py.testing.actions import ActionsConformance
+from robocomp_py.testing.callers import CallersConformance
 from robocomp_py.testing.conformance import TransportConformance
 from robocomp_py.testing.instances import InstancesConformance
 from robocomp_py.transports.base import Transport
@@ -30,6 +31,11 @@ class TestIce(TransportConformance):
 class TestActionsOverIce(ActionsConformance):
     def open_transport(self, owner: str = "test") -> Transport:
         return open_ice()
+
+
+class TestCallersOverIce(CallersConformance):
+    def open_transport(self, owner: str = "test") -> Transport:
+        return open_ice(owner)
 
 
 class TestNamedInstancesOverIce(InstancesConformance):

@@ -9,6 +9,7 @@ import socket as plain
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +26,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef, wait_connected
 from robocomp_py.transports.directory import Entry
 from robocomp_py.transports.keyfiles import Rights, read_public
+from robocomp_py.transports.senders import delivered, signing
 from robocomp_py.transports.zeromq import remote
 from robocomp_py.transports.zeromq.curve import Curve, key_pair
 from robocomp_py.transports.zeromq.remote import DIRECTORY, host_of, mechanism_at, read_record, record
@@ -144,6 +146,27 @@ def test_a_call_a_command_and_a_topic_reach_another_host(hosts: Hosts, with_keys
     assert outlet.wait_peer(SOON)
     outlet.send(news(camera, 1, "hello"))
     assert camera.codec.decoder(e.news.request)(heard.get(timeout=SOON)) == (1, "hello")
+
+
+def test_a_server_knows_which_instance_on_another_host_called(hosts: Hosts) -> None:
+    camera, viewer = hosts.camera(), hosts.user("viewer")
+    callers = []
+
+    def service(payload: Any, _: float) -> Reply:
+        sender = delivered()
+        callers.append(sender() if sender else "")
+        return Reply(Status.REFUSED)
+
+    camera.server(replace(DIVIDE, signed=True), signing(service))
+    caller = viewer.caller(DIVIDE)
+    assert caller.wait_peer(SOON)
+
+    def is_known() -> bool:
+        with contextlib.suppress(Unreachable):
+            caller.ask(viewer.codec.encoder(e.divide.request)((1, 1)), SOON)
+        return callers[-1] == "viewer"
+
+    wait_until(is_known)
 
 
 def test_a_restarted_server_is_found_and_calls_do_not_wait_for_the_old_one(hosts: Hosts) -> None:

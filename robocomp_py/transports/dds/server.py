@@ -32,6 +32,7 @@ from ..leader_followers import CommandLane, Job, Servant
 from ..ledger import Ledger
 from ..limits import QUERIES_WAITING
 from ..replies import Replies
+from ..senders import From
 from ..turns import Turns
 from .bus import Reader, Writer
 from .client import client_of
@@ -151,6 +152,8 @@ class ServerLink(Link):
         except (DecodeError, struct.error) as exc:
             self.malformed(exc)
             return None
+        if self.channel.signed:
+            payload = From(partial(self._owner_of, client), payload)
         if self._ledger.admit(client, sequence) or (flags & Flag.IDEMPOTENT and self.forgotten((client, sequence), ms)):
             if ms == NO_DEADLINE:
                 return (client, sequence), payload, _FOREVER
@@ -164,6 +167,11 @@ class ServerLink(Link):
     def forgotten(self, call: _Call, remaining_ms: int) -> bool:
         """Whether a repeated request has to be executed again, since its reply is not kept any more."""
         return False
+
+    def _owner_of(self, client: int) -> str:
+        """The instance that opened a client; "" if it is not ours."""
+        found = self.transport.find(self.facing, self.channel.name)
+        return next((each.owner for each in found if each.id == client), "")
 
     def _text_of(self, fingerprint: int) -> str:
         found = self.transport.find(self.facing, self.channel.name)

@@ -24,8 +24,9 @@ from ..leader_followers import STUCK, CommandLane
 from ..ledger import Ledger
 from ..limits import STRANGERS
 from ..link import BaseLink
+from ..senders import From
 from .messages import BoundedQueue, Message, direct
-from .table import Token
+from .table import USING, Token, owned, same_transport
 
 if TYPE_CHECKING:
     from .transport import ZenohTransport
@@ -60,9 +61,19 @@ class Link(BaseLink["ZenohTransport", Token]):
 
     def opened(self) -> None:
         self.transport.links_by_id[self.id] = self  # before the token: peers answer it at once
-        token = Token(self.role, self.traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
+        traits = owned(self.transport.owner) if self.role in USING else self.traits
+        token = Token(self.role, traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
         self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key_expr()))
         self.look()
+
+    def signed(self, client: int, payload: Any) -> Any:
+        """The payload of a request, with its sender if the channel wants that."""
+        return From(partial(self._owner_of, client), payload) if self.channel.signed else payload
+
+    def _owner_of(self, client: int) -> str:
+        """The instance that opened a client; "" if it is not ours."""
+        found = self.transport.table.find(self.facing, self.channel.name)
+        return next((token.owner for token in found if same_transport(token.link, client)), "")
 
     def answer(self, what: str) -> Iterable[tuple[bytes, Payload]]:
         """The reply to an inquiry of a peer."""

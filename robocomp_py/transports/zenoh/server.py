@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import zenoh
 
 from ...errors import DecodeError, TransportError
+from ...wire.codec import Payload
 from ...wire.header import (
     NO_DEADLINE,
     Flag,
@@ -32,6 +33,7 @@ from ..leader_followers import CommandLane, Servant
 from ..ledger import Ledger
 from ..limits import QUERIES_WAITING
 from ..replies import Replies
+from ..senders import From
 from ..turns import Turns
 from .link import INBOX, Link, Receiving
 from .messages import Message, MessageReplier, QueryReplier, direct, octets
@@ -55,7 +57,7 @@ class CommandInlet(Receiving):
         super().__init__(transport, channel)
         self.traits = clock()
         self._ledger = Ledger(self.stats, ordered=True)
-        self.lane = CommandLane(channel.name, lambda payload: sink(payload.to_bytes()), self.stats)
+        self.lane = CommandLane(channel.name, _copied_for(sink), self.stats)
 
     def open(self) -> None:
         self._claim = _claim(self)
@@ -67,7 +69,7 @@ class CommandInlet(Receiving):
             self.meet_stranger(request.client, request.fingerprint)
             return None
         if self._ledger.admit(request.client, request.sequence):
-            self.lane.take(message.payload, _expires(request, message.arrived))
+            self.lane.take(self.signed(request.client, message.payload), _expires(request, message.arrived))
         return request.client, request.sequence
 
     def release(self) -> None:
@@ -134,7 +136,8 @@ class Server(Link):
         refusal = self._admit(request, replier, expires)
         if refusal is None:
             payload = message.payload
-            self._serve(request, payload.to_bytes() if payload is not None else b"", expires)
+            octets_of = payload.to_bytes() if payload is not None else b""
+            self._serve(request, self.signed(request.client, octets_of), expires)
             return
         if refusal is not _SILENCE:
             self._send(replier, request, refusal)
@@ -192,6 +195,17 @@ class Server(Link):
 
     def _header(self, status: Status, request: Request) -> bytes:
         return pack_reply(status, request.client, request.sequence, self.transport.incarnation)
+
+
+def _copied_for(sink: Sink) -> Sink:
+    """A sink for payloads of Zenoh, which are copied when it is their turn."""
+
+    def deliver(payload: Payload) -> object:
+        if type(payload) is From:
+            return sink(From(payload.sender, payload.payload.to_bytes()))
+        return sink(payload.to_bytes())
+
+    return deliver
 
 
 def _expires(request: Request, arrived: float) -> float:

@@ -15,15 +15,34 @@ MOST, MOST_OF_OPERATION = 50_000, 4_000
 """Maximum number of links in a table: in all, and in one role of one operation. A hostile program may announce any
 number of links."""
 
+USING = ("calls", "commands")
+"""The roles whose tokens have the instance of their transport."""
+
+_OWNED = "n"
+
+
+def owned(instance: str) -> str:
+    """The traits of a client."""
+    return _OWNED + instance if names.is_segment(instance) else "-"
+
+
+def same_transport(link: int, other: int) -> bool:
+    """Whether two ids are of links of one transport."""
+    return link >> NUMBERS == other >> NUMBERS
+
+
+NUMBERS = 24
+"""Bits of the id of a link that number the links of its transport."""
+
 _AHEAD = re.compile(r"w([0-9]{1,9})")
 
 
 class Token(NamedTuple):
     """Announces one link: `rc_lv/<domain>/<role>/<traits>/<fingerprint>/<pid>/<link>/<channel>`.
 
-    Traits: those of its QoS (`contract.qos`), or `-`. A reliable publisher adds `w` and the maximum
-    number of its unacknowledged messages. A `*` in the channel is written as a dot. Two fields are not
-    part of the key: `since`, the version of the table when the token came, and `reached`, whether
+    Traits: those of its QoS (`contract.qos`), or `-`; of a client, `n` and its instance. A reliable publisher adds
+    `w` and the maximum number of its unacknowledged messages. A `*` in the channel is written as a dot. Two fields are
+    not part of the key: `since`, the version of the table when the token came, and `reached`, whether
     messages are known to get there (see `reachability`).
     """
 
@@ -41,6 +60,11 @@ class Token(NamedTuple):
         """Maximum number of unacknowledged messages of a reliable publisher."""
         found = _AHEAD.search(self.traits)
         return int(found[1]) if found else 1
+
+    @property
+    def owner(self) -> str:
+        """The instance whose client it announces; "" if it does not say so."""
+        return self.traits.removeprefix(_OWNED) if self.role in USING and self.traits.startswith(_OWNED) else ""
 
     @property
     def key(self) -> int:

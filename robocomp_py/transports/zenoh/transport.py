@@ -47,7 +47,7 @@ from .reachability import Reachability
 from .refusal import why_refused
 from .server import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
-from .table import Table, Token
+from .table import NUMBERS, Table, Token
 from .tls import NUMBER_BITS, checked, client_settings, number, rights
 from .topics import Publisher, Subscriber
 from .watching import INQUIRY, PROVIDING, Watching
@@ -137,7 +137,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         self._work.put(job)
 
     def new_id(self) -> int:
-        return self._id << 24 | next(self._numbers)
+        return self._id << NUMBERS | next(self._numbers)
 
     def has_left(self, channel: str) -> bool:
         """Whether a server on this host has left though its token is still visible. False for routers elsewhere."""
@@ -147,7 +147,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         return self.table.find(role, channel)
 
     def is_own(self, peer: Token) -> bool:
-        return peer.link >> 24 == self._id
+        return peer.link >> NUMBERS == self._id
 
     def may_use(self, token: Token) -> bool:
         """Whether our keys allow this link. The router silently drops messages that they do not allow."""
