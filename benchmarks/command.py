@@ -15,6 +15,7 @@
   shared     memory in /dev/shm for messages of several sizes, and the part that is in use
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
+  scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
 
@@ -63,6 +64,7 @@ from .goals import Finding
 from .options import some_of, tell
 from .parties import BY_NAME, FAILURES, MIDDLEWARES
 from .rounds import FULL, QUICK, Effort
+from .scale import scale
 from .tables import Table, as_markdown, as_text, octets
 
 MOST = 600.0
@@ -228,6 +230,11 @@ def _lockstep(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [lockstep.table(rows)], lockstep.findings(rows), failures)
 
 
+def _scale(options: argparse.Namespace, effort: Effort) -> Found:
+    rows, failures = scale.run(options.only, effort, tell)
+    return Found(rows, scale.tables(rows), scale.findings(rows), failures)
+
+
 def _languages(options: argparse.Namespace, effort: Effort) -> Found:
     rows = languages.run(effort.halved, tell)
     return Found(rows, [languages.table(rows)])
@@ -254,6 +261,7 @@ MEASUREMENTS: dict[str, Run] = {
     "shared": _shared,
     "virtual": _virtual,
     "lockstep": _lockstep,
+    "scale": _scale,
     "languages": _languages,
     "lsp": _lsp,
 }

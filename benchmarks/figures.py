@@ -6,7 +6,7 @@ Text and grid are grey, so that a chart is readable on a light and on a dark pag
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -38,6 +38,8 @@ class Chart:
     ticks: Mapping[float, str]
     series: Sequence[Series]
     rate: bool = False
+    label: Callable[[float], str] | None = None
+    """Writes a height, if it is neither."""
 
 
 def drawn(results: Mapping[str, Any]) -> dict[str, str]:
@@ -46,9 +48,9 @@ def drawn(results: Mapping[str, Any]) -> dict[str, str]:
     latency = [{**row, "ours": _part(row["ours"], "latency"), "raw": _part(row["raw"], "latency")} for row in publish]
     rate = [{**row, "ours": _rate(row["ours"]), "raw": _rate(row["raw"])} for row in publish]
     return {
-        "performance-query.svg": svg(_sizes("Query: round trip, median", query)),
-        "performance-latency.svg": svg(_sizes("Publication: one way, median", latency)),
-        "performance-rate.svg": svg(_sizes("Publication: messages per second", rate, rate=True)),
+        "performance-query.svg": svg(sizes("Query: round trip, median", query)),
+        "performance-latency.svg": svg(sizes("Publication: one way, median", latency)),
+        "performance-rate.svg": svg(sizes("Publication: messages per second", rate, rate=True)),
         "performance-peers.svg": svg(_peers(peers)),
         "performance-spread.svg": svg(_spread(query)),
     }
@@ -62,7 +64,7 @@ def _rate(figures: Mapping[str, Any] | None) -> dict[str, float] | None:
     return {"p50": figures["rate"]} if figures else None
 
 
-def _sizes(title: str, rows: Iterable[Mapping[str, Any]], rate: bool = False) -> Chart:
+def sizes(title: str, rows: Iterable[Mapping[str, Any]], rate: bool = False) -> Chart:
     """Ours and the raw library over the size of the array."""
     lines: dict[tuple[str, str], list[Point]] = {}
     for row in rows:
@@ -127,7 +129,7 @@ def svg(chart: Chart) -> str:
     for power in range(low, high + 1):
         _, y = place((min(chart.ticks), 10.0**power))
         body.append(f'<path d="M{LEFT} {y:.1f}H{right}" stroke="#808080" stroke-opacity="0.4"/>')
-        label = f"{10**power:,}/s" if chart.rate else us(10.0**power).replace(".0", "")
+        label = f"{10**power:,}/s" if chart.rate else (chart.label or us)(10.0**power).replace(".0 ", " ")
         body.append(_text(LEFT - 8, y + 4, label, 'text-anchor="end"'))
     for tick, label in chart.ticks.items():
         x, _ = place((tick, 10.0**low))

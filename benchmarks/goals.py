@@ -35,6 +35,10 @@ GOALS = {
     "shared": Goal("shm, memory for messages of several sizes", "≤ 1.5 × in use + 4 MB; 4 MB afterwards"),
     "virtual": Goal("example network in virtual time, real time ÷ its time", "≥ 36 ×"),
     "lockstep": Goal("lock-step with four followers, one instant", "shm ≤ 0.2 ms; zeromq ≤ 0.5 ms"),
+    "publications": Goal("256 idle publications", "≤ 60 MB, ≤ 64 descriptors, ready in 1 s"),
+    "clients": Goal("32 clients: calls ÷ those of 2; p99 ÷ raw; Jain's index", "≥ 1 ×; ≤ 1.6 ×; ≥ 0.9"),
+    "fanout": Goal("1 to 16 subscribers at 50 Hz: processor and p99 ÷ raw", "≤ 1.3 × each"),
+    "arrivals": Goal("topics at 10 Hz: messages not accounted for", "none"),
     "start": Goal("start of a component, to `ready`", "≤ 0.3 s; dds ≤ 0.5 s"),
 }
 """In the order of the table."""

@@ -14,14 +14,18 @@ from typing import Any
 from . import figures, goals
 from .goals import Finding
 from .process import ROOT
+from .scale import charts
 from .tables import Table, fill
 
 FILE = ROOT / "benchmarks" / "results.json"
 PAGE = ROOT / "docs" / "explanation" / "performance.md"
 IMAGES = ROOT / "docs" / "images"
 
-DRAWN = ("query", "publish", "peers")
+DRAWN = ("query", "publish", "peers", "scale")
 """The measurements whose rows are kept for figures."""
+
+SHOWN = ("machine", "summary")
+"""The tables that the page shows, beside those of a growing network."""
 
 
 def store(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]) -> None:
@@ -30,16 +34,18 @@ def store(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[st
 
 
 def replace(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]) -> None:
-    """Store some measurements in place of earlier ones; the others stay. Of another machine, their tables say so.
+    """Store some measurements in place of earlier ones; the others stay. Their tables say which machine, if it was
+    another one, and how busy it was.
 
     The first table is the machine.
     """
     stored, found = load(), _results(tables, findings, rows)
     machine, *new = found["tables"]
     here, there = dict(machine["rows"]), dict(stored["tables"][0]["rows"])
-    if (processor := here["processor"]) != there["processor"]:
-        for each in new:
-            each["note"] = " ".join(filter(None, (each["note"], f"Measured on another machine: {processor}.")))
+    notes = [f"Measured on another machine: {here['processor']}."] if here["processor"] != there["processor"] else []
+    notes += [f"Busy: {here['busy']}."] if "busy" in here else []
+    for each in new:
+        each["note"] = " ".join(filter(None, (each["note"], *notes)))
     stored["tables"] = _merged(stored["tables"], new, "name")
     stored["findings"] = _merged(stored["findings"], found["findings"], "goal")
     _write({**stored, **{name: found[name] for name in DRAWN if name in found}})
@@ -82,8 +88,9 @@ def tables(results: Mapping[str, Any]) -> list[Table]:
 
 def files(results: Mapping[str, Any]) -> dict[Path, str]:
     """The page and its figures, as they are to be written."""
-    shown = [each for each in tables(results) if each.name in ("machine", "summary")]
-    drawn = {IMAGES / name: text for name, text in figures.drawn(results).items()}
+    shown = [each for each in tables(results) if each.name in SHOWN or each.name.startswith("scale-")]
+    every = figures.drawn(results) | charts.drawn(results.get("scale", []))
+    drawn = {IMAGES / name: text for name, text in every.items()}
     return {PAGE: fill(PAGE.read_text(encoding="utf-8"), shown), **drawn}
 
 

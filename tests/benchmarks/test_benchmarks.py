@@ -188,9 +188,11 @@ def test_a_page_without_a_place_for_a_table_is_refused() -> None:
 
 
 def test_the_stored_results_have_every_table() -> None:
-    code = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "benchmarks").glob("*.py"))
-    names = set(re.findall(r'Table\(\s*"(\w+)"', code)) - {"check"}  # which the guard prints, and does not store
-    assert {"machine", "summary", "query", "peers"} <= names
+    files = [file for folder in (".", "scale") for file in (ROOT / "benchmarks" / folder).glob("*.py")]
+    code = "".join(file.read_text(encoding="utf-8") for file in files)
+    names = set(re.findall(r'(?:Table|_beside)\(\s*"([\w-]+)"', code))
+    names -= {"check"}  # which the guard prints, and does not store
+    assert {"machine", "summary", "query", "peers", "scale-idle"} <= names
     assert {table.name for table in results.tables(results.load())} == names
 
 
