@@ -16,7 +16,7 @@ from .types import MAX_DEPTH, Dictionary, Enumeration, ExceptionType, Field, Pri
 LONGEST = 65536
 """Maximum number of characters in a text."""
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(::[A-Za-z_][A-Za-z0-9_]*)*\Z")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(::[A-Za-z_][A-Za-z0-9_-]*)*\Z")
 _GENERIC = re.compile(r"(sequence|records|dictionary)<(.*)>\Z")
 
 _PRIMITIVES = {str(kind.value): kind for kind in Primitive}

@@ -9,6 +9,7 @@ from robocomp_py.contract import told
 from robocomp_py.contract.interface import Operation
 from robocomp_py.contract.types import Struct
 from robocomp_py.testing import everything as e
+from robocomp_py.testing.actions import GO_TO
 
 from ..wire.messages import message_types, patiently
 
@@ -62,6 +63,12 @@ GOOD = "\n".join(
 def test_what_is_no_contract_is_refused(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         told.operation(text)
+
+
+def test_the_parts_of_an_action_come_back() -> None:
+    """Their names have a hyphen."""
+    for part in GO_TO.parts:
+        assert told.operation(part.text).fingerprint == part.fingerprint
 
 
 def test_the_good_one_is_good() -> None:
