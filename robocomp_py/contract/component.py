@@ -31,25 +31,13 @@ TAKEN = frozenset(
 WORKER = frozenset(
     {
         *("after", "caller", "component", "compute", "emergency", "finish", "initialize", "instance", "log"),
-        *(
-            "middleware",
-            "now",
-            "params",
-            "period",
-            "random",
-            "reads_caller",
-            "restore",
-            "sleep",
-            "state",
-            "statemachine",
-            "stop",
-        ),
-        "timers",
+        *("middleware", "now", "params", "period", "random", "reads_caller", "restore", "sleep"),
+        *("state", "statemachine", "stop", "timers"),
     }
 )
 """Attributes of every worker that look like the name of an interface in lower case."""
 
-HANDLER = frozenset({"caller", "instance"})
+HANDLER = frozenset({"caller", "instance", "reads_caller"})
 """Attributes of every handler of a named instance."""
 
 

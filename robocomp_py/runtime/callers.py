@@ -1,6 +1,6 @@
 """`self.caller`: the instance that made the call, or sent the message, which a handler handles.
 
-Links note the senders of messages only for components whose code has the name `caller`, so others spend nothing on it.
+Links note the senders of messages only for classes with `reads_caller = True`, so others spend nothing on it.
 """
 
 from __future__ import annotations
@@ -8,8 +8,9 @@ from __future__ import annotations
 import threading
 from functools import cached_property
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol
 
+from ..errors import ComponentError
 from ..transports.base import Reply
 from ..transports.senders import Sender, delivered
 from ..wire.codec import Decoder
@@ -23,8 +24,17 @@ class _Handling(threading.local):
 _handling = _Handling()
 
 
-def caller() -> str:
-    """The sender of the message that this thread handles; "" if it is not known, or if it handles none."""
+class ReadsCaller(Protocol):
+    reads_caller: bool
+
+
+def caller_for(handlers: ReadsCaller) -> str:
+    """The sender of the message that this thread handles; "" if it is not known, or if it handles none.
+
+    Raises ComponentError if the class of `handlers` does not read it.
+    """
+    if not handlers.reads_caller:
+        raise ComponentError(f"callers are not noted; write in {type(handlers).__name__}: reads_caller = True")
     sender = _handling.sender
     return sender() if sender else ""
 

@@ -28,7 +28,6 @@ from ..transports.base import (
 )
 from ..wire import names
 from . import ports
-from .asking import reads_caller
 from .commonbehavior import CommonBehavior, port_of
 from .introspection import Bound
 
@@ -177,9 +176,8 @@ class Connections:
             else:
                 handlers = entry.handlers(port)
                 counted = self._counts.handlers(port, handlers) if self._counts else None
-                signed = self._worker._is_told_callers or reads_caller(type(entry.given))
                 ports.bind_handlers(
-                    port, counted or handlers, route, self._monitor, watches, links=links, signed=signed
+                    port, counted or handlers, route, self._monitor, watches, links=links, signed=entry.reads_caller
                 )
                 if counted:
                     entry.counters = counted.routes(routes)
@@ -294,11 +292,11 @@ class Connections:
                 self._counts.proxy(port, proxy, routes)
             setattr(self._worker, port.attribute, proxy)
         elif self._counts:
-            handlers, signed = self._counts.handlers(port, self._worker), self._worker._is_told_callers
+            handlers, signed = self._counts.handlers(port, self._worker), self._worker.reads_caller
             links = ports.bind_handlers(port, handlers, route, self._monitor, self._watching, signed=signed)
             handlers.routes(routes)
         else:
-            signed = self._worker._is_told_callers
+            signed = self._worker.reads_caller
             links = ports.bind_handlers(port, self._worker, route, self._monitor, self._watching, signed=signed)
         self.bound.append(Bound(port, routes, links))
         return links

@@ -50,12 +50,18 @@ class InstanceHandler(ABC):  # noqa: B024 - the generated classes have abstract 
     instance = ""
     """The name under which it was added; "" before that."""
 
+    reads_caller = False
+    """Whether methods may read `caller`. Set it to True in a derived class."""
+
     @property
     def caller(self) -> str:
-        """In a handler: the instance that made the call; "" if it is not known, and outside of handlers."""
-        from .callers import caller  # only handlers that use this need it
+        """In a handler: the instance that made the call; "" if it is not known, and outside of handlers.
 
-        return caller()
+        Raises ComponentError unless the class has `reads_caller = True`.
+        """
+        from .callers import caller_for  # only handlers that use this need it
+
+        return caller_for(self)
 
 
 @dataclass
@@ -70,6 +76,11 @@ class Entry(Generic[T]):
     counters: Sequence[int] = ()
     """The numbers of its counters, if the component follows a clock in lock-step."""
     is_gone: bool = False
+
+    @property
+    def reads_caller(self) -> bool:
+        """Whether its handlers may read `caller`."""
+        return isinstance(self.given, InstanceHandler) and self.given.reads_caller
 
     def handlers(self, port: Port) -> object:
         """Its handlers. A call that begins after its end is refused."""

@@ -23,7 +23,6 @@ from ..threads import start_thread
 from ..transports import headroom
 from ..transports.base import TransportFactory, find_transport
 from ..wire import names
-from .asking import reads_caller
 from .clock import NEVER, SECOND, Clock, Real, Virtual, ns
 from .commandline import configure_logging, exit_code, parser_of, prepare, print_config, tell_notes
 from .commonbehavior import CommonBehavior
@@ -300,7 +299,6 @@ class Running:
         worker._wake = self._wake.set
         worker._suspended = self.monitor.suspended
         worker._settings = self.settings
-        worker._is_told_callers = worker_class.reads_caller or reads_caller(worker_class)
         worker._seed = None if seed is None else (seed, *self.settings.instance.encode())
         if self.component.machine:
             self._machine = Machine(self.component.machine, self._enter, self._wake.set)

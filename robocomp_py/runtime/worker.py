@@ -165,27 +165,17 @@ class Worker(ABC, Generic[P]):
         return self._settings.instance
 
     reads_caller = False
-    """Whether `caller` may be read although no code of the component's package has this name."""
+    """Whether handlers may read `caller`. Set it to True in `SpecificWorker`; other components spend nothing on it."""
 
     @property
     def caller(self) -> str:
         """In a handler: the instance that made the call or sent the message.
 
-        "" if it is not known, in handlers of actions, and outside of handlers.
-
-        Raises ComponentError if only code outside of the component's package has the name `caller`: the class then
-        needs `reads_caller = True`.
+        "" if it is not known, and outside of handlers. Raises ComponentError without `reads_caller = True`.
         """
-        from .callers import caller  # only components that use this need it
+        from .callers import caller_for  # only components that use this need it
 
-        if not self._is_told_callers:
-            raise ComponentError(
-                f"its callers are not known, since no code of its package has the name `caller` at the start; "
-                f"write in {type(self).__name__}: reads_caller = True"
-            )
-        return caller()
-
-    _is_told_callers = False
+        return caller_for(self)
 
     @cached_property
     def random(self) -> np.random.Generator:

@@ -139,6 +139,7 @@ def test_the_allow_list_has_the_channels_of_the_named_instances(folder: Path) ->
     assert used == {"back/Laser", "front/LaserPub"}
 
 
+@pytest.mark.tool
 def test_a_named_instance_is_served_over_ice_at_its_own_port(folder: Path) -> None:
     body = """
     Component ring { port 10001; offers front : Laser port 10003; offers back : Laser port 10004; };
@@ -150,6 +151,7 @@ def test_a_named_instance_is_served_over_ice_at_its_own_port(folder: Path) -> No
     assert 'transports.ice.endpoints."back/Laser"="tcp -p 10004"' in words
 
 
+@pytest.mark.tool
 def test_a_program_finds_a_named_instance_over_ice_at_its_port(folder: Path) -> None:
     body = """
     Component ring { offers front : Laser port 10003; };

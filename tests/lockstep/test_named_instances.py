@@ -24,6 +24,8 @@ RELIABLE = PRESETS["services_default"]
 
 
 class Echo(TellerHandler):
+    reads_caller = True
+
     def __init__(self, callers: set[str]) -> None:
         self.callers = callers
 
@@ -84,6 +86,7 @@ class Guest(Worker[None]):
         period=0.1,
     )
     middleware = "zeromq"
+    reads_caller = True
     teller_proxy: TellerProxy
     teller1_proxy: TellerProxy
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-import importlib
 import itertools
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from robocomp_py.errors import ComponentError
 from robocomp_py.runtime import settings
-from robocomp_py.runtime.asking import reads_caller
 from robocomp_py.runtime.run import Running
-from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.callers import CallersConformance, CallersSuite, Echo, Hub, Peer
 from robocomp_py.testing.instances import TellerHandler
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport
@@ -66,39 +61,13 @@ class TestZenoh(CallersConformance):
         return find_transport("zenoh")(TransportConfig(owner=owner))
 
 
-def test_code_outside_of_the_package_must_be_announced() -> None:
-    kind = type("Caught", (Hub,), {"reads_caller": False, "__module__": Hub.__module__})
+def test_a_class_that_does_not_announce_it_is_told_what_to_write() -> None:
+    kind = type("Caught", (Hub,), {"reads_caller": False})
     worker = Running(kind, settings.check(kind.component, settings.Document(), "hub"), find_transport).worker
-    with pytest.raises(ComponentError, match="write in Caught: reads_caller = True"):
+    with pytest.raises(ComponentError, match="callers are not noted; write in Caught: reads_caller = True"):
         _ = worker.caller
-
-
-class Curious(Worker[None]):
-    """Has the name in a lambda in a method."""
-
-    def compute(self) -> None:
-        self.after(1.0, lambda: self.caller)
-
-
-class Named(Worker[None]):
-    """Has the name in a text."""
-
-    def compute(self) -> None:
-        getattr(self, "caller")  # noqa: B009
-
-
-def decorated(method: Any) -> Any:
-    @functools.wraps(method)
-    def run(self: Any) -> Any:
-        return method(self)
-
-    return run
-
-
-class Decorated(Worker[None]):
-    @decorated
-    def compute(self) -> None:
-        print(self.caller)
+    with pytest.raises(ComponentError, match="write in Handling: reads_caller = True"):
+        _ = Handling().caller
 
 
 class Handling(TellerHandler):
@@ -107,25 +76,6 @@ class Handling(TellerHandler):
 
     def note(self, number: int) -> None:
         pass
-
-
-def test_classes_that_have_the_name_are_found() -> None:
-    assert [reads_caller(kind) for kind in (Curious, Named, Decorated, Handling)] == [True] * 4
-    assert not reads_caller(Peer)
-
-
-def test_modules_of_the_package_are_looked_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for package, text in (("asks", "def who(worker): return worker.caller"), ("silent", "def who(worker): ...")):
-        (tmp_path / package / "generic").mkdir(parents=True)
-        (tmp_path / package / "__init__.py").touch()
-        (tmp_path / package / "generic" / "__init__.py").write_text("def caller(self): self.caller")
-        (tmp_path / package / "helper.py").write_text(text)
-        (tmp_path / package / "specificworker.py").write_text(
-            "from . import generic, helper\nclass SpecificWorker:\n    def compute(self): helper.who(self)\n"
-        )
-    monkeypatch.syspath_prepend(tmp_path)
-    kinds = [importlib.import_module(f"{name}.specificworker").SpecificWorker for name in ("asks", "silent")]
-    assert [reads_caller(kind) for kind in kinds] == [True, False]
 
 
 def test_components_that_do_not_ask_import_nothing_of_it() -> None:
