@@ -22,7 +22,7 @@ MAX_SECONDS = 1e6
 
 TAKEN = frozenset(
     {
-        *("on_deadline_missed", "on_liveliness_lost"),
+        *("on_deadline_missed", "on_liveliness_lost", "reads_caller"),
         *("_abc_impl", "_in_front", "_is_protocol", "_set_period", "_takes_any_params"),
     }
 )
