@@ -410,6 +410,7 @@ class Running:
             self._move(self._machine._begin, early=True)
         if self.state is not State.COMPUTE:
             return
+        headroom.check(self.settings.instance)  # before the clock moves: it takes a while
         self.monitor.open()
         if self._lockstep:
             self._lockstep.begin()
@@ -425,7 +426,6 @@ class Running:
         self._connections.tell_missing()
         if not self._lockstep:
             self._tell_ready()  # last: the launcher then starts components that depend on this one
-        headroom.check(self.settings.instance)
 
     def _tell_ready(self) -> None:
         log.info("ready")
