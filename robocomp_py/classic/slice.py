@@ -154,7 +154,10 @@ class _Writer:
             for operation in each.operations
         }
         yield "{"
-        for number, operation in enumerate(interface.operations):
+        for operation in filter(lambda each: each.is_action, interface.operations):
+            message = f"Slice has no actions; `{operation.name}` is left out"
+            self._report.warning("lossy-in-slice", message, operation.name.span)
+        for number, operation in enumerate(each for each in interface.operations if not each.is_action):
             about = " ".join(filter(None, (f"[{operation.pattern}]" if operation.pattern else "", operation.doc)))
             if about and number:
                 yield ""

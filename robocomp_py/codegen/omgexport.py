@@ -38,8 +38,9 @@ def to_omgidl(files: Files, report: Report) -> tuple[Artifact, ...]:
                     sent.append(t.Struct(name, fields, doc=" ".join(filter(None, (doc, "An exception.")))))
                 case Constant(type=kind):
                     constants.append(replace(each, type=t.INT64) if kind is t.TIME else each)
-                case Interface(operations=operations):
-                    sent += [kind for operation in operations for kind in _messages(operation)]
+                case Interface(operations=operations, actions=actions):
+                    parts = [part for action in actions for part in action.parts]
+                    sent += [kind for operation in (*operations, *parts) for kind in _messages(operation)]
                 case t.Sequence() | t.Dictionary():
                     pass  # written where they are used
     texts = omgidl.idl(sent, [], _ABOUT, constants)
@@ -107,19 +108,25 @@ def _check(module: Module, files: Files, report: Report) -> None:
 
 def _named(module: Module, syntax: dict[str, m.Definition]) -> Iterator[tuple[str, Name]]:
     """The names that a module of IDL defines, each with the name in the IDSL that it comes from."""
+    feedback: dict[str, Interface] = {}
     for each in module.definitions:
-        at = syntax[short(each.name)]
+        if isinstance(each, Interface):
+            feedback |= {short(action.feedback.name): each for action in each.actions if action.feedback}
+    for each in module.definitions:
+        at = syntax[short((feedback.get(short(each.name)) or each).name)]
         match each:
+            case t.Struct(name=name) if short(name) in feedback:
+                yield short(name), at.name
             case t.Struct() | t.Enumeration() | t.ExceptionType() | Constant():
                 yield at.name.text, at.name
             case t.Dictionary():
                 yield f"{at.name}Entry", at.name
-            case Interface(operations=operations):
+            case Interface(operations=operations, actions=actions):
                 assert isinstance(at, m.Interface)
                 own = {operation.name.text: operation.name for operation in at.operations}
-                for operation in operations:
+                for operation in (*operations, *(part for action in actions for part in action.parts)):
                     for kind in _bare(operation):
-                        yield short(kind.name), own.get(operation.name, at.name)
+                        yield short(kind.name), own.get(operation.name.partition("-")[0], at.name)
             case t.Sequence():
                 pass
 

@@ -25,6 +25,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from ..contract import types as t
+from ..contract.action import Action
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.module import Constant, Module
 from ..dsl.diagnostics import Report
@@ -89,16 +90,22 @@ class _Package:
 
     def fill(self) -> None:
         constants = [each for each in self.module.definitions if isinstance(each, Constant)]
+        feedback = {action.feedback for each in self._interfaces for action in each.actions}
         for each in self.module.definitions:
-            if not isinstance(each, t.Sequence | Constant | Interface):
+            if not isinstance(each, t.Sequence | Constant | Interface) and each not in feedback:
                 self._definition(each, self._syntax(each.name).name)
         if constants:
             lines = list(self._constants(constants))
             self._add("msg/Constants.msg", lines, self._syntax(constants[0].name).name)
-        for each in self.module.definitions:
-            if isinstance(each, Interface):
-                for operation in each.operations:
-                    self._operation(each, operation)
+        for each in self._interfaces:
+            for operation in each.operations:
+                self._operation(each, operation)
+            for action in each.actions:
+                self._action(each, action)
+
+    @property
+    def _interfaces(self) -> list[Interface]:
+        return [each for each in self.module.definitions if isinstance(each, Interface)]
 
     def artifacts(self) -> Iterator[Artifact]:
         about = heading(", ".join(self.module.files))
@@ -184,6 +191,22 @@ class _Package:
         one_way = operation.pattern in (Pattern.PUBLISH, Pattern.COMMAND)
         if one_way or (operation.pattern is None and not operation.outputs and not operation.raises):
             self._add(f"msg/{name}.msg", [*about, *given], syntax.name)
+
+    def _action(self, interface: Interface, action: Action) -> None:
+        syntax = self._operation_syntax(interface, action)
+        for thrown in syntax.throws:
+            self._lossy(f"actions in ROS cannot throw; the client will not get `{thrown}`", thrown.span)
+        title = f"{interface.short}.{action.name} [action]"
+        params = {param.name.text: param.name for param in (*syntax.params, *syntax.feedback)}
+        told = action.feedback.fields if action.feedback else ()
+        parts = [
+            self._fields(fields, params, syntax.name, f"of `{action.name}`")
+            for fields in (action.inputs, action.outputs, told)
+        ]
+        about = _comment(": ".join(filter(None, (title, action.doc))))
+        lines = [*about, *parts[0], "---", *parts[1], "---", *parts[2]]
+        self.uses.add("action_msgs")
+        self._add(f"action/{camel(interface.short)}{camel(action.name)}.action", lines, syntax.name)
 
     # Fields.
 
@@ -304,7 +327,7 @@ class _Package:
     def _syntax(self, name: str) -> m.Definition:
         return self.files.scope[name]
 
-    def _operation_syntax(self, interface: Interface, operation: Operation[Any]) -> m.Operation:
+    def _operation_syntax(self, interface: Interface, operation: Operation[Any] | Action) -> m.Operation:
         syntax = self._syntax(interface.name)
         assert isinstance(syntax, m.Interface)
         inherited = (each for _, each in self.files.bases(syntax, self.module.name))

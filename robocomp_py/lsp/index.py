@@ -122,6 +122,7 @@ class Index:
             for each in seen
             if each.kind in use.kinds
             and (use.within is None or use.within == each.within)
+            and (not use.owner or use.owner == each.within.rpartition("::")[2])
             and (each.kind in _ANY_CASE or each.name.text == use.name.text)
         ]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from ..dsl.cdsl.model import Component, Timer
+from ..dsl.cdsl.model import Component, Item, Timer
 from ..dsl.ddsl.model import Deployment, Instance, Offer, System
 from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
@@ -89,6 +89,8 @@ class Use:
     kinds: tuple[Kind, ...]
     within: str | None = None
     implied: bool = False
+    owner: str = ""
+    """The last part of `within`, if the rest of it is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,9 +272,15 @@ def _of_component(model: Component) -> Outline:
     return Outline(
         model.source,
         (Symbol(Kind.COMPONENT, model.name, "", model.span, model.doc, ports, timers),),
-        tuple(Use(item.interface, (Kind.INTERFACE,)) for item in model.items),
+        tuple(use for item in model.items for use in _uses_of_item(item)),
         tuple(links),
     )
+
+
+def _uses_of_item(item: Item) -> Iterator[Use]:
+    yield Use(item.interface, (Kind.INTERFACE,))
+    for action, _ in item.policies:
+        yield Use(action, (Kind.OPERATION,), owner=item.interface.text)
 
 
 def _timer(timer: Timer, within: str) -> Symbol:

@@ -17,10 +17,13 @@ from dataclasses import dataclass, field
 
 import libcst as cst
 
+from ..codegen.actions import as_operation
 from ..codegen.expressions import can_lend, fakes_class
-from ..codegen.names import loan, method, proxy_class, twin
+from ..codegen.names import loan, method, proxy_class, short, twin
+from ..contract.action import Action
 from ..contract.component import Component, Port
 from ..contract.interface import Pattern
+from ..contract.naming import feedback_struct, goal_class
 
 _PARAMS, _TIMERS = "params", "timers"
 _HARNESS = "ComponentTest"
@@ -101,6 +104,14 @@ def _of_port(old: Port, new: Port, found: Names) -> None:
             _note(calls, [(twin(was, old.interface), twin(now, new.interface))])
         if can_lend(was, pattern):
             _note(calls, [(loan(was, old.interface), loan(now, new.interface))])
+    goals = list(zip(old.interface.actions_under(old.verb), new.interface.actions_under(new.verb), strict=True))
+    for begun, renamed in goals:
+        _note(found.texts, [(f"{name(old)}.{begun.name}", f"{name(new)}.{renamed.name}") for name in (_label, _name)])
+        if old.verb.has_proxy:
+            _note(calls, [(method(as_operation(begun)), method(as_operation(renamed)))])
+        else:
+            _note(found.words, [(old.handler(begun.name), new.handler(renamed.name))])
+        _note(found.words, list(zip(_classes(old, begun), _classes(new, renamed), strict=True)))
     _note(found.ports, [(old.name, new.name)])
     if not old.verb.has_proxy:
         return
@@ -108,11 +119,18 @@ def _of_port(old: Port, new: Port, found: Names) -> None:
     _note(found.words, [(fakes_class(old), fakes_class(new))])
     keys: dict[str, str] = {}
     _note(keys, ((was.name, now.name) for (was, _), (now, _) in pairs))
+    _note(keys, ((was.name, now.name) for was, now in goals))
     if calls:
         found.members[old.attribute] = calls
         found.classes[proxy_class(old)] = old.attribute
     if keys:
         found.keys[old.name] = found.keys[fakes_class(old)] = keys
+
+
+def _classes(port: Port, action: Action) -> tuple[str, str]:
+    """The names of the generated classes of an action with feedback."""
+    origin = short(action.origin) or port.interface.short
+    return feedback_struct(origin, action.name), goal_class(origin, action.name)
 
 
 def _label(port: Port) -> str:

@@ -228,3 +228,24 @@ def test_a_named_instance_is_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyP
         "second.ddsl:2",
     ]
     assert left[3].startswith("ring/etc/config.toml:")
+
+
+def test_an_action_is_renamed_with_its_policy_its_handler_and_its_classes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Guide.idsl").write_text(
+        "module RoboCompGuide { interface Guide { [action] void goTo(int x) feedback(int left); }; };\n"
+    )
+    ports = "implements Guide(goTo queue); requires Guide;"
+    model = f'import "Guide.idsl"; Component robot {{ Communications {{ {ports} }}; language python; }};\n'
+    (tmp_path / "robot.cdsl").write_text(model)
+    assert rcgen(["robot.cdsl"]) == 0
+    code = (tmp_path / "specificworker.py").read_text() + "\n    def ask(self):\n        self.guide_proxy.goTo(7)\n"
+    (tmp_path / "specificworker.py").write_text(code)
+    assert rc(["rename", "--yes", "Guide.idsl", "Guide.goTo", "drive"]) == 0
+    assert "Guide(drive queue)" in (tmp_path / "robot.cdsl").read_text()
+    renamed = (tmp_path / "specificworker.py").read_text()
+    assert "def Guide_drive(" in renamed
+    assert "RoboCompGuide.GuideDriveGoal" in renamed
+    assert "self.guide_proxy.drive(7)" in renamed

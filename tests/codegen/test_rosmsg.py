@@ -133,3 +133,24 @@ def test_modules_that_would_be_one_package_are_refused(tmp_path: Path) -> None:
     (tmp_path / "Y.idsl").write_text("module Robocomp_X { struct Point { float x; }; };")
     _, codes = in_format(tmp_path, 'import "Y.idsl"; module RoboCompX { struct S { float x; }; };', "rosmsg")
     assert codes == ["not-in-rosmsg"]
+
+
+def test_actions_are_actions(tmp_path: Path) -> None:
+    idsl = """module X { struct Place { float x; }; exception Blocked { string by; }; interface I {
+        [action] int goTo(Place target) feedback(float left) throws Blocked; [action] void dock(); }; };"""
+    texts, codes = in_format(tmp_path, idsl, "rosmsg")
+    assert texts["x/action/IGoTo.action"].endswith("\nPlace target\n---\nint32 ret\n---\nfloat32 left\n")
+    assert texts["x/action/IDock.action"].endswith("\n---\n---\n")
+    assert "<depend>action_msgs</depend>" in texts["x/package.xml"]
+    assert codes == ["lossy-in-rosmsg"]
+    assert "x/msg/IGoToFeedback.msg" not in texts
+
+
+def test_other_formats_have_the_parts_of_actions_or_leave_them_out(tmp_path: Path) -> None:
+    idsl = "module X { interface I { [action] int goTo(float x) feedback(float left); void stop(); }; };"
+    texts, codes = in_format(tmp_path, idsl, "omgidl")
+    assert "struct IGoToStartRequest" in texts["X.idl"]
+    assert codes == []
+    texts, codes = in_format(tmp_path, idsl, "slice")
+    assert "goTo" not in texts["X.ice"]
+    assert codes == ["lossy-in-slice"]

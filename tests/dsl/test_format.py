@@ -248,6 +248,20 @@ def test_a_text_keeps_what_looks_like_something_else() -> None:
 # Lines that are too long.
 
 
+def test_feedback_has_a_line_of_its_own_if_it_is_too_much() -> None:
+    expect_inside(
+        f"interface I {{ [action]int go(float {'a' * 40}) feedback ( float {'b' * 40} )throws Failed; }};",
+        f"""
+        interface I
+        {{
+            [action] int go(float {"a" * 40})
+                feedback(float {"b" * 40})
+                throws Failed;
+        }};
+        """,
+    )
+
+
 def test_an_operation_that_is_too_long_throws_on_a_line_of_its_own() -> None:
     expect_inside(
         f"interface I {{ void drive(float {'a' * 40}, float {'b' * 40}) throws Failed, HardwareFailedException; }};",

@@ -1,8 +1,8 @@
 """Lays out statements and blocks on lines.
 
-A statement takes one line. A statement that is too long is broken: before `throws`, and then after the commas of its
-lists. The braces of a block have their own lines. Empty braces, and a list that fits, stay on the line of their
-statement:
+A statement takes one line. A statement that is too long is broken: before `feedback` and `throws`, and then after the
+commas of its lists. The braces of a block have their own lines. Empty braces, and a list that fits, stay on the line of
+their statement:
 
     module RoboCompArm
     {
@@ -29,7 +29,7 @@ from .words import END, Remark, Word
 _NO_SPACE_BEFORE = frozenset({",", ";", ")", "]", ">", "<", "::", "/"})
 _OPENERS = frozenset({"(", "[", "<"})
 _NO_SPACE_BEHIND = frozenset({*_OPENERS, "::", "/"})
-_CONTINUES = frozenset({"THROWS", "EXTENDS"})
+_CONTINUES = frozenset({"THROWS", "EXTENDS", "FEEDBACK"})
 """The kinds of words that begin a new line if the statement is too long."""
 
 
