@@ -73,3 +73,8 @@ def test_the_parts_of_an_action_come_back() -> None:
 
 def test_the_good_one_is_good() -> None:
     assert told.operation(GOOD).name == "do"
+
+
+@pytest.mark.parametrize("part", GO_TO.parts, ids=lambda part: part.name)
+def test_the_parts_of_actions_come_back(part: Operation[object]) -> None:
+    assert told.operation(part.text).name == part.name
