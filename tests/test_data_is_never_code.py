@@ -55,6 +55,7 @@ ALLOWED = {
     "robocomp_py/testing/parts.py": {"multiprocessing": 1},  # victims of tests, which they start themselves
     "robocomp_py/testing/faults.py": {"multiprocessing": 2},
     "benchmarks/pair.py": {"multiprocessing": 2},  # the two ends of a measurement, likewise
+    "benchmarks/scale/crowd.py": {"multiprocessing": 2},
 }
 
 
