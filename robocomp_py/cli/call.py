@@ -11,6 +11,7 @@ from .common import FINE, USAGE, WRONG
 from .live import (
     EXIT_STATUS,
     Absent,
+    Wrong,
     add_middleware,
     add_request,
     add_waiting,
@@ -70,7 +71,7 @@ def callable_in(network: Network, name: str) -> Channel:
 
     channel = one_of(network, name)
     if channel.pattern is Pattern.PUBLISH:
-        raise ValueError(f"{channel.name} is a topic; `rc echo {name}` prints what is published")
+        raise Wrong(f"{channel.name} is a topic; `rc echo {name}` prints what is published")
     if not channel.providers:
         raise ValueError(f"no component serves {channel.name}")
     return channel

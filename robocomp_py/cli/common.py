@@ -259,4 +259,6 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Seq
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = _UNBROKEN
-    console.print(table)
+    with console.capture() as captured:
+        console.print(table)
+    print("\n".join(line.rstrip() for line in captured.get().splitlines()))

@@ -32,6 +32,10 @@ class Absent(Exception):
     """What a command needs is not there; the text is for people."""
 
 
+class Wrong(ValueError):
+    """A name means something else than a command needs. To wait would not help."""
+
+
 def positive(text: str) -> float:
     """A time in seconds, or a rate."""
     try:
@@ -113,7 +117,7 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T]) -> T:
         try:
             return pick(take_census(options.middleware, own=True))
         except ValueError as exc:
-            if time.monotonic() > end:
+            if isinstance(exc, Wrong) or time.monotonic() > end:
                 raise Absent(str(exc)) from exc
         time.sleep(_LOOK)
 
@@ -137,9 +141,12 @@ def _topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
     found: dict[str, Channel] = {}
     for name in wanted:
         channels = network.named(name)
-        topics = [each for each in channels if each.pattern is Pattern.PUBLISH and each.providers]
+        topics = [each for each in channels if each.pattern is Pattern.PUBLISH]
         if not topics:
-            raise ValueError(f"`{name}` is no topic that is published: {channels[0].name} is a {channels[0].pattern}")
+            raise Wrong(f"`{name}` is no topic: {channels[0].name} is a {channels[0].pattern}")
+        if not any(each.providers for each in topics):
+            raise ValueError(f"nothing publishes {topics[0].name} now")
+        topics = [each for each in topics if each.providers]
         found |= {each.name: each for each in topics}
     return list(found.values())
 
@@ -149,18 +156,23 @@ def one_of(network: Network, name: str) -> Channel:
     found = network.named(name)
     if len(found) > 1:
         listed = ", ".join(each.name for each in found[:_LONGEST])
-        raise ValueError(f"`{name}` may be {listed}{', …' if len(found) > _LONGEST else ''}; write more of the name")
+        raise Wrong(f"`{name}` may be {listed}{', …' if len(found) > _LONGEST else ''}; write more of the name")
     return found[0]
 
 
 def part(value: Any, path: str) -> Any:
     """The part of JSON that a path such as `a.b[0]` names. Raises Absent."""
-    steps = re.findall(r"\[(\d+)\]|([^.\[\]]+)", path)
+    if not re.fullmatch(r"\w+(\.\w+|\[\d+\])*", path):
+        raise Absent(f"`{path}` is no path; write it as a.b, or a.b[0]")
+    steps = re.findall(r"\[(\d+)\]|(\w+)", path)
     for number, name in steps:
         try:
+            if isinstance(value, str):
+                raise TypeError("a text has no parts")
             value = value[int(number)] if number else value[name]
         except (KeyError, IndexError, TypeError):
             known = f"; there is {', '.join(value)}" if isinstance(value, dict) else ""
+            known = f"; it has {len(value)} items" if isinstance(value, list) else known
             raise Absent(f"a message has no `{path}`: `{number or name}` is not there{known}") from None
     return value
 
@@ -224,13 +236,13 @@ def arguments_of(words: list[str]) -> Any:
 def _value(text: str) -> Any:
     """JSON, or text as it is."""
     try:
-        return json.loads(text)
+        return json.loads(text, parse_constant=str)  # NaN stays a text, which `wire.json` understands
     except ValueError:
         return text
 
 
 def _loaded(text: str, what: str) -> Any:
     try:
-        return json.loads(text)
+        return json.loads(text, parse_constant=str)
     except ValueError as exc:
         raise ValueError(f"{what} is no JSON: {exc}") from exc

@@ -152,7 +152,7 @@ class Network:
         found = [each for each in self.channels.values() if _contains(each.name.split("/"), wanted)]
         if not found:
             raise ValueError(self._unknown(name))
-        return found
+        return [each for each in found if each.interface not in OWN] or found
 
     def topic(self, name: str) -> Channel:
         """The only topic that a name means. A whole name may also be one that nothing publishes so far, if a subscriber
@@ -171,9 +171,10 @@ class Network:
         return found[0]
 
     def _unknown(self, name: str) -> str:
-        parts = {"/".join(each.split("/")[-count:]) for each in self.channels for count in (1, 2, 3)}
-        parts |= {part for each in self.channels for part in each.split("/")}
-        parts |= {each.rpartition("/")[0] for each in self.channels}
+        provided = [each.name for each in self.channels.values() if each.providers]
+        parts = {"/".join(each.split("/")[-count:]) for each in provided for count in (1, 2, 3)}
+        parts |= {part for each in provided for part in each.split("/")}
+        parts |= {each.rpartition("/")[0] for each in provided}
         near = closest(name.strip("/"), parts)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
 

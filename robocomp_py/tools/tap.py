@@ -14,6 +14,7 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from ..errors import DecodeError
+from ..threads import start_thread
 from ..wire import json
 from ..wire.codec import Codec, Decoder, Payload
 from .access import Access
@@ -133,42 +134,75 @@ class _Span:
 def _listening(
     topics: Sequence[Channel], take: Callable[[str, Payload], None], decoders: dict[str, Decoder]
 ) -> Iterator[Callable[[], None]]:
-    """Subscriptions to these topics. The yielded function stops this process if the user wants that (Ctrl-Z), but
-    without subscriptions: otherwise publishers could have to wait for it."""
-    stop = threading.Event()
+    """Subscriptions to these topics. The yielded function raises what has gone wrong with them meanwhile.
 
-    def stopped(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    access: Access | None = None
-
-    def listen() -> None:
-        nonlocal access
-        access = Access()
-        for topic in topics:
-            heard = access.hear(topic, partial(take, topic.name), DEPTH)
-            decoders[topic.name] = _decoder(topic, heard.codec)
-
-    def silence() -> None:
-        if access:
-            access.__exit__()
-
-    def check() -> None:
-        if stop.is_set():
-            stop.clear()
-            silence()
-            os.kill(os.getpid(), signal.SIGSTOP)
-            listen()
-
+    When the user stops this process (Ctrl-Z), it first closes them: otherwise publishers could have to wait for it. A
+    thread does so, because the main thread may be writing to a pipe that takes nothing.
+    """
+    subscriptions = _Subscriptions(topics, take, decoders)
     in_main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTSTP, stopped) if in_main else None
     try:
-        listen()
-        yield check
+        before = signal.signal(signal.SIGTSTP, subscriptions.stop) if in_main else None
+        subscriptions.open()
+        yield subscriptions.check
     finally:
-        silence()
+        subscriptions.close()
         if in_main:
             signal.signal(signal.SIGTSTP, before or signal.SIG_DFL)
+
+
+class _Subscriptions:
+    def __init__(
+        self, topics: Sequence[Channel], take: Callable[[str, Payload], None], decoders: dict[str, Decoder]
+    ) -> None:
+        self._topics, self._take, self._decoders = topics, take, decoders
+        self._access: Access | None = None
+        self._wanted = threading.Event()
+        """Set when this process is to stop, or the subscriptions are to end."""
+        self._is_over = False
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._pause, name="pause", daemon=True)
+
+    def open(self) -> None:
+        self._listen()
+        start_thread(self._thread)
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """The handler of a signal."""
+        self._wanted.set()
+
+    def check(self) -> None:
+        if self._error:
+            raise self._error
+
+    def close(self) -> None:
+        self._is_over = True
+        self._wanted.set()
+        if self._thread.ident:
+            self._thread.join()
+        self._silence()
+
+    def _pause(self) -> None:
+        while self._wanted.wait() and not self._is_over:
+            self._wanted.clear()
+            self._silence()
+            os.kill(os.getpid(), signal.SIGSTOP)
+            try:
+                self._listen()
+            except Exception as exc:  # for `check`
+                self._error = exc
+                return
+
+    def _listen(self) -> None:
+        self._access = access = Access()
+        for topic in self._topics:
+            heard = access.hear(topic, partial(self._take, topic.name), DEPTH)
+            self._decoders[topic.name] = _decoder(topic, heard.codec)
+
+    def _silence(self) -> None:
+        if self._access:
+            self._access.__exit__()
+            self._access = None
 
 
 def _decoder(topic: Channel, codec: Codec) -> Decoder:

@@ -24,6 +24,7 @@ import numpy as np
 from ..contract.types import (
     BOOL,
     FLOAT32,
+    FLOAT32_MAX,
     FLOATS,
     STRING,
     UINT8,
@@ -40,6 +41,8 @@ from ..contract.types import (
 from ..spelling import closest
 
 _NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+
+FLOAT64_MAX = float(np.finfo(np.float64).max)
 
 _WIDEST = 8
 """Maximum number of fields that a message to people names."""
@@ -145,7 +148,10 @@ def _primitive_taken(kind: Primitive, given: Any, what: str) -> Any:
         if isinstance(given, str) and given in _NOT_FINITE:
             return _NOT_FINITE[given]
         if isinstance(given, int | float) and not isinstance(given, bool):
-            return float(given)
+            most = FLOAT32_MAX if kind is FLOAT32 else FLOAT64_MAX
+            if -most <= given <= most:
+                return float(given)
+            raise Unfit(f"{what}: {given} is out of range; it takes {_word(kind)}")
     elif isinstance(given, int) and not isinstance(given, bool):
         low, high = integer_range(kind)
         if low <= given <= high:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -21,6 +24,7 @@ from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.tap import Arrival
 from robocomp_py.transports.base import find_transport
+from robocomp_py.transports.directory import state_of
 
 from ..runtime.components import Calculator, Diary
 from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
@@ -169,8 +173,11 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
         (("call", "divide", "dividend.x=1", "dividend=2", "divisor=3", "dividend.y=1"), 2, "has a value of its own"),
         (("call", "Everything", "--timeout", "0.1"), 1, "`Everything` may be talker/Everything/divide, talker/"),
         (("call", "news", "--timeout", "0.1"), 1, "is a topic; `rc echo news` prints what is published"),
-        (("echo", "divide", "--timeout", "0.1"), 1, "is no topic that is published: talker/Everything/divide is a"),
+        (("echo", "divide", "--timeout", "0.1"), 1, "`divide` is no topic: talker/Everything/divide is a query"),
         (("echo", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),
+        (("call", "divide", "dividend=1e999", "divisor=1"), 2, "the number inf is given; it takes int64"),
+        (("echo", "news", "-n", "1", "--field", "text["), 1, "`text[` is no path; write it as a.b, or a.b[0]"),
+        (("echo", "news", "-n", "1", "--field", "text[0]"), 1, "a message has no `text[0]`: `0` is not there"),
         (("pub", "divide", "--timeout", "0.1"), 1, "`divide` is no topic"),
         (("pub", "news", "number=1", "text=x", "--timeout", "0.1"), 1, "nothing subscribes to talker/Everything/news"),
         (("pub", "news", "number=1"), 2, "rc pub: news: lacks `text`; it takes {number int32, text string}"),
@@ -228,3 +235,27 @@ def test_a_topic_that_falls_silent_is_told(capsys: pytest.CaptureFixture[str]) -
     assert re.match(r"world/LaserPub/push: nothing for 6\.\d s, 5 messages\n", capsys.readouterr().out)
     hz._tell("world/LaserPub/push", 5, found, as_json=True)
     assert json.loads(capsys.readouterr().out)["hz"] == 0
+
+
+class Loud(Talker):
+    def compute(self) -> None:
+        self.number += 1
+        self.everything_proxy.news(self.number, "x" * 20_000)
+
+
+def test_a_tool_whose_output_nothing_reads_can_be_stopped() -> None:
+    """As by Ctrl-Z, while it writes to a full pipe."""
+    with running(make(Loud, find_transport, "middleware=shm", name="loud")) as worker:
+        command = [sys.executable, "-m", "robocomp_py.cli.rc", "echo", "loud/Everything", "--full"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as tool:
+            assert tool.stdout
+            try:
+                tool.stdout.read(1)
+                reached = worker.number
+                wait_until(lambda: worker.number > reached + 20)
+                tool.send_signal(signal.SIGTSTP)
+                wait_until(lambda: state_of(tool.pid) == "T")
+                tool.send_signal(signal.SIGCONT)
+                wait_until(lambda: state_of(tool.pid) != "T")
+            finally:
+                tool.kill()
