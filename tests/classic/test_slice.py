@@ -192,3 +192,10 @@ def test_the_compiler_refuses_what_is_said_not_to_be_slice(mistake: str, tmp_pat
     texts, codes = in_format(tmp_path, f"module X {{ {mistake} }};", "slice")
     assert set(codes) == {"not-in-slice"}
     assert compiled(texts, tmp_path / "ice") != ""
+
+
+def test_actions_are_left_out_with_a_warning(tmp_path: Path) -> None:
+    idsl = "module X { interface I { [action] int goTo(float x) feedback(float left); void stop(); }; };"
+    texts, codes = in_format(tmp_path, idsl, "slice")
+    assert "goTo" not in texts["X.ice"]
+    assert codes == ["lossy-in-slice"]

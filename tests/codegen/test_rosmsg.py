@@ -146,11 +146,8 @@ def test_actions_are_actions(tmp_path: Path) -> None:
     assert "x/msg/IGoToFeedback.msg" not in texts
 
 
-def test_other_formats_have_the_parts_of_actions_or_leave_them_out(tmp_path: Path) -> None:
+def test_the_parts_of_actions_are_in_omg_idl(tmp_path: Path) -> None:
     idsl = "module X { interface I { [action] int goTo(float x) feedback(float left); void stop(); }; };"
     texts, codes = in_format(tmp_path, idsl, "omgidl")
     assert "struct IGoToStartRequest" in texts["X.idl"]
     assert codes == []
-    texts, codes = in_format(tmp_path, idsl, "slice")
-    assert "goTo" not in texts["X.ice"]
-    assert codes == ["lossy-in-slice"]
