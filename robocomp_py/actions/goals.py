@@ -6,7 +6,7 @@ from typing import Any
 
 from ..contract.component import Port
 from ..contract.interface import Verb
-from ..transports.base import Link
+from ..runtime.ports import close_all
 from .binding import Connected, Routes, Surroundings, connect, serve
 from .client import ActionProxy, GoalClient
 from .server import GoalServer
@@ -30,7 +30,7 @@ class Goals:
             else:
                 self._servers += serve(port, worker, route, self._around, connected)
         except BaseException:
-            _close(connected.links)
+            close_all(connected.links)
             raise
         return connected
 
@@ -50,8 +50,3 @@ class Goals:
             client.close()
         for server in self._servers:
             server.end()
-
-
-def _close(links: list[Link]) -> None:
-    for each in reversed(links):
-        each.close()

@@ -32,7 +32,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--field", metavar="PATH", help="print only this part: a.b, or a.b[0]")
     to.add_argument("--full", action="store_true", help="print long sequences whole")
-    to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after so many messages")
+    to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of messages")
     add_topics(to)
 
 

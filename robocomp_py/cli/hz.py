@@ -33,8 +33,11 @@ examples:
 _TELL = 1.0
 """Seconds between two lines of a topic."""
 
-_SILENT, _GAPS = 1.0, 3.0
-"""A topic counts as silent after so many seconds and so many of its longest intervals."""
+_SILENT = 1.0
+"""A topic whose last message is older than this, in seconds, may count as silent."""
+
+_GAPS = 3.0
+"""It does if that is also longer than this number of its longest intervals."""
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:

@@ -54,12 +54,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _described(channel: Channel) -> Iterator[str]:
     from ..contract.interface import differences
+    from ..tools.network import NotUnderstood
 
     yield f"{channel.name}: {channel.pattern}"
     try:
         yield from (f"  {line}" for line in _idsl(channel.operation))
-    except ValueError as exc:
-        yield f"  its contract is {exc}"
+    except NotUnderstood as exc:
+        yield f"  {exc}"
     fingerprint, text = next(iter(channel.texts.items()))
     for word, ends in ((_PROVIDES, channel.providers), (_USES, channel.users)):
         for end in ends:

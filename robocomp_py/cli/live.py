@@ -76,7 +76,7 @@ def add_json(to: argparse.ArgumentParser) -> None:
 def add_topics(to: argparse.ArgumentParser) -> None:
     """What commands that listen take."""
     to.add_argument("topics", nargs="+", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
-    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after so many seconds")
+    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_waiting(to)
     add_middleware(to)
     add_json(to)
@@ -97,14 +97,8 @@ def reported(command: str) -> Iterator[Callable[[], int]]:
     code = 0
     try:
         yield lambda: code
-    except Absent as exc:
-        code = WRONG
-        print(f"{command}: {exc}", file=sys.stderr)
-    except ConfigurationError as exc:
-        code = USAGE
-        print(f"{command}: {exc}", file=sys.stderr)
-    except RobocompError as exc:
-        code = WRONG
+    except (Absent, RobocompError) as exc:
+        code = USAGE if isinstance(exc, ConfigurationError) else WRONG
         print(f"{command}: {exc}", file=sys.stderr)
 
 

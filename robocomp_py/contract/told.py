@@ -34,20 +34,20 @@ def operation(text: str) -> Operation[Any]:
     try:
         found = _operation(text)
     except (KeyError, IndexError, RecursionError) as exc:
-        raise ValueError(f"not understood: {type(exc).__name__}: {exc}") from exc
+        raise ValueError(f"{type(exc).__name__}: {exc}") from exc
     if found.text != text:
-        raise ValueError("not understood: it is not what its own parts describe")
+        raise ValueError("it is not what its own parts describe")
     return found
 
 
 def _operation(text: str) -> Operation[Any]:
-    first, second, *rest = text.split("\n")
+    first, *rest = text.split("\n")
     interface, _, name = _after("operation ", first).rpartition(".")
-    pattern = _after("pattern ", second)
-    sections = _sections(rest)
+    pattern = _after("pattern ", rest[0] if rest else "")
+    sections = _sections(rest[1:])
     (request, inputs), (response, outputs) = sections[0], sections[1]
     if not (request.startswith("struct ") and response.startswith("struct ")):
-        raise ValueError("not understood: its messages are missing")
+        raise ValueError("its messages are missing")
     types = _Types(dict(sections[2:]))
     return Operation(
         _named(interface),
@@ -65,13 +65,13 @@ def _operation(text: str) -> Operation[Any]:
 
 def _after(word: str, line: str) -> str:
     if not line.startswith(word):
-        raise ValueError(f"not understood: {word.strip()} is missing")
+        raise ValueError(f"{word.strip()} is missing")
     return line.removeprefix(word)
 
 
 def _named(name: str) -> str:
     if not _NAME.match(name):
-        raise ValueError(f"not understood: {name[:40]!r} is no name")
+        raise ValueError(f"{name[:40]!r} is no name")
     return name
 
 
@@ -113,7 +113,7 @@ class _Types:
             key, _, value = inside.partition(",")  # a key is no generic, so it has no comma
             made = Dictionary(self._type(key, depth), self._type(value, depth))
             if not is_key(made.key):
-                raise ValueError(f"not understood: {key[:40]!r} is no key")
+                raise ValueError(f"{key[:40]!r} is no key")
             return made
         return Sequence(self._type(inside, depth), records=kind == "records")
 

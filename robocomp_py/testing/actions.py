@@ -338,7 +338,7 @@ class ActionsConformance(ABC):
         goals = [each.begin(DOCK, steps) for steps in range(5) for each in (client, other)]
         assert [goal.result(SOON) for goal in goals] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
 
-    def test_a_goal_to_nobody_is_unreachable(self, here: Transport, name: str, ending: ExitStack) -> None:
+    def test_a_goal_without_a_server_is_unreachable(self, here: Transport, name: str, ending: ExitStack) -> None:
         client = Client(here, name)
         ending.callback(client.close)
         with pytest.raises(Unreachable):

@@ -24,7 +24,7 @@ from ..runtime.instances import NamedProxies
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..transports.base import Transport
-from .instances import NEWS, TELLER, NewsPublisher, TellerProxy
+from .instances import NEWS, TELLER, NewsPublisher, TellerProxy, started_until
 from .patience import SOON, wait_until
 
 
@@ -142,18 +142,7 @@ class CallersSuite(ABC):
                     settings.override(document, each)
                 checked = settings.check(kind.component, document, name)
                 running = Running(kind, checked, lambda _: lambda config: self.open_transport(config.owner))
-                thread = threading.Thread(target=running.run)
-
-                def stop() -> None:
-                    running.stop()
-                    thread.join(SOON)
-                    assert not thread.is_alive()
-                    assert not running.failed
-
-                thread.start()
-                ending.callback(stop)
-                wait_until(lambda: running.ready.is_set() or running.is_over)
-                return running.worker
+                return started_until(ending, running)
 
             yield start
 

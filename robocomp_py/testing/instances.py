@@ -151,6 +151,22 @@ class Visitor:
         return Route(self._transport, "tested", channel, port.qos, SOON)
 
 
+def started_until(ending: ExitStack, running: Running) -> Worker[Any]:
+    """The worker of a component, which runs until the end of the test and must not fail."""
+    thread = threading.Thread(target=running.run)
+
+    def stop() -> None:
+        running.stop()
+        thread.join(SOON)
+        assert not thread.is_alive()
+        assert not running.failed
+
+    thread.start()
+    ending.callback(stop)
+    wait_until(lambda: running.ready.is_set() or running.is_over)
+    return running.worker
+
+
 class InstancesSuite(ABC):
     """The base of tests of named instances. `open_transport` is all that a transport must fill in."""
 
@@ -199,20 +215,10 @@ class InstancesSuite(ABC):
         for each in sets:
             settings.override(document, each)
         checked = settings.check(House.component, document, name)
-        running = self.running = Running(worker, checked, lambda _: lambda config: self.open_transport(config.owner))
-        thread = threading.Thread(target=running.run)
-
-        def stop() -> None:
-            running.stop()
-            thread.join(SOON)
-            assert not thread.is_alive()
-            assert not running.failed
-
-        thread.start()
-        ending.callback(stop)
-        wait_until(lambda: running.ready.is_set() or running.is_over)
-        assert isinstance(running.worker, House)
-        return running.worker
+        self.running = Running(worker, checked, lambda _: lambda config: self.open_transport(config.owner))
+        started = started_until(ending, self.running)
+        assert isinstance(started, House)
+        return started
 
 
 class InstancesConformance(InstancesSuite):

@@ -10,6 +10,7 @@ from typing import Any
 from ..contract import told
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
+from ..errors import RobocompError
 from ..spelling import closest
 from ..transports.census import Told
 from ..wire import names
@@ -29,6 +30,10 @@ PROVIDERS = frozenset(("publishes", "receives", "serves"))
 
 OWN = frozenset(("CommonBehavior", "LockstepLeader", "LockstepFollower"))
 """Interfaces of the framework, which are shown only if they are asked for."""
+
+
+class NotUnderstood(RobocompError, ValueError):
+    """What a process announces is no contract that this version reads."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +91,11 @@ class Channel:
 
     @cached_property
     def operation(self) -> Operation[Any]:
-        """As its providers announce it. Raises ValueError if that is not understood."""
-        return told.operation(next(iter(self.texts.values())))
+        """As its providers announce it. Raises NotUnderstood."""
+        try:
+            return told.operation(next(iter(self.texts.values())))
+        except ValueError as exc:
+            raise NotUnderstood(f"the contract of {self.name} is not understood: {exc}") from exc
 
     @property
     def qos(self) -> QoS:
@@ -146,7 +154,7 @@ class Network:
     def named(self, name: str) -> list[Channel]:
         """The channels that a name means: `world/LaserPub/pushLaserData` or a part of it between slashes.
 
-        Raises ValueError if there is none, with the closest ones.
+        Raises ValueError if no channel has this name; the text has the closest name.
         """
         wanted = name.strip("/").split("/")
         found = [each for each in self.channels.values() if _contains(each.name.split("/"), wanted)]

@@ -26,6 +26,9 @@ DEPTH = 100
 OCTETS = 64 * 1024 * 1024
 """Octets of all messages that may wait."""
 
+ARRIVALS = 100_000
+"""Arrivals of messages that may wait to be counted."""
+
 _LOOK = 0.1
 """Seconds between two looks at the clock and at signals."""
 
@@ -67,7 +70,7 @@ class _Inbox:
             self._dropped += 1
 
     def get(self, timeout: float) -> tuple[_Arrived, int] | None:
-        """The next message, and how many were dropped before it arrived here; None if there is none in time."""
+        """The next message, and the number of messages dropped since the last one; None if no message comes in time."""
         try:
             arrived = self._waiting.get(timeout=timeout)
         except queue.Empty:
@@ -99,12 +102,16 @@ class Arrival(NamedTuple):
 
 
 def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Arrival | None]:
-    """The arrivals of messages, as long as `tapped`; None whenever a while passes without one."""
-    waiting: queue.SimpleQueue[Arrival] = queue.SimpleQueue()
+    """The arrivals of messages, as long as `tapped`; None whenever a while passes without one.
+
+    While the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
+    """
+    waiting: queue.Queue[Arrival] = queue.Queue(ARRIVALS)
     span = _Span(first, whole)
 
     def note(channel: str, payload: Payload) -> None:
-        waiting.put(Arrival(channel, time.monotonic(), _size(payload)))
+        with contextlib.suppress(queue.Full):
+            waiting.put_nowait(Arrival(channel, time.monotonic(), _size(payload)))
 
     with _listening(topics, note, {}) as check:
         while span.goes_on():

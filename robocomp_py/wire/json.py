@@ -191,7 +191,7 @@ def _empty(kind: Type) -> Any:
 
 
 def _described(given: Any) -> str:
-    """What somebody wrote, in the words of JSON."""
+    """A given value, in the words of JSON."""
     match given:
         case bool() | None:
             return {True: "true", False: "false", None: "null"}[given]

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,7 +25,7 @@ from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.tap import Arrival
 from robocomp_py.transports.base import find_transport
-from robocomp_py.transports.directory import state_of
+from robocomp_py.transports.directory import Directory, Entry, state_of
 
 from ..runtime.components import Calculator, Diary
 from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
@@ -235,6 +236,24 @@ def test_a_topic_that_falls_silent_is_told(capsys: pytest.CaptureFixture[str]) -
     assert re.match(r"world/LaserPub/push: nothing for 6\.\d s, 5 messages\n", capsys.readouterr().out)
     hz._tell("world/LaserPub/push", 5, found, as_json=True)
     assert json.loads(capsys.readouterr().out)["hz"] == 0
+
+
+def test_a_contract_that_is_not_understood_is_told(
+    own_runtime_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = own_runtime_folder / "shm"
+    folder.mkdir()
+    member = Directory(folder).join("riddler")
+    try:
+        for role in ("publishes", "serves"):
+            member.add(Entry(role, f"riddler/Riddle/{role}", 7, "who am I"))
+        why = "is not understood: operation is missing"
+        assert why in complained(capsys, "echo", "publishes", "--for", "0.1")
+        assert why in complained(capsys, "call", "serves")
+        assert why in said(capsys, "info", "serves")
+        assert "riddler" in said(capsys, "list")
+    finally:
+        member.close()
 
 
 class Loud(Talker):

@@ -75,14 +75,12 @@ async def run(host: Host, command: Sequence[str], **options: Any) -> Channel:
         line = f"exec {shlex.join(command)}"
         async with asyncio.timeout(CONNECT_TIMEOUT):
             process = await connection.create_process(line, encoding=None, request_pty=False)
-    except TimeoutError as exc:
+    except BaseException as exc:  # also if this task is cancelled
         connection.abort()
-        raise HostUnreachable(f"{called(host)}: it has not run a program within {CONNECT_TIMEOUT:g} s") from exc
-    except (OSError, asyncssh.Error) as exc:
-        connection.abort()
-        raise HostUnreachable(f"{called(host)}: it does not run programs: {_reason(exc)}") from exc
-    except BaseException:
-        connection.abort()
+        if isinstance(exc, TimeoutError):
+            raise HostUnreachable(f"{called(host)}: it has not run a program within {CONNECT_TIMEOUT:g} s") from exc
+        if isinstance(exc, OSError | asyncssh.Error):
+            raise HostUnreachable(f"{called(host)}: it does not run programs: {_reason(exc)}") from exc
         raise
     return Channel(connection, process)
 

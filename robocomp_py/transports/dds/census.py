@@ -12,8 +12,11 @@ from ..census import Told
 from ..directory import runtime_dir
 from .transport import DDSTransport
 
-_QUIET, _LONGEST = 0.1, 1.0
-"""Discovery counts as complete after so many seconds without news, or after the second number of them."""
+_QUIET = 0.1
+"""Seconds without news after which discovery counts as complete."""
+
+_LONGEST = 1.0
+"""Seconds after which it counts as complete in any case."""
 
 _LOOK = 0.01
 

@@ -137,7 +137,7 @@ class SharedSockets:
         self._numbers = itertools.count(1)
 
     def join(self, topic: bytes, depth: int, path: Path) -> TopicSocket:
-        """A socket with queues of that depth for a topic, reached at `path`. Opened if there is none."""
+        """A socket with queues of that depth for a topic, reached at `path`. Opens one if no other fits."""
         with self._lock:
             shared = self._fitting(topic, depth) or self._open(depth)
             use = self._uses[shared]
