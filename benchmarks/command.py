@@ -2,6 +2,7 @@
 
   start      a component, from its process to `ready`, and its memory then
   query      a call and its reply between two processes: ours and the bare library in turn
+  counters   the same with and without the counters of operations
   peers      the same, compared with other frameworks that are installed (`make bench-peers`)
   publish    a reliable topic: one-way latency, and throughput
   loans      latency of messages that are filled in the memory that is sent
@@ -13,11 +14,13 @@
   codecs     encoding and decoding alone, compared with the cyclonedds package and plain msgpack
   memory     queries with large arrays, if glibc keeps freed memory
   shared     memory in /dev/shm for messages of several sizes, and the part that is in use
+  record     `rc record`: processor, memory and lost messages at 180 MB/s
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
   scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
+  tools      `rc list` as a process, with one component and with 500
 
 Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, used in the fastest way
 of its users, without our header. Trust ratios, not absolute figures: they are medians over short rounds taken in
@@ -40,6 +43,7 @@ from typing import Any
 
 from . import (
     codecs,
+    counters,
     cpu,
     goals,
     languages,
@@ -52,11 +56,13 @@ from . import (
     placement,
     publish,
     query,
+    recording,
     records,
     results,
     shared,
     start,
     threads,
+    tools,
     versus,
     virtual,
 )
@@ -164,6 +170,12 @@ def _query(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [query.table(rows)], query.findings(rows))
 
 
+def _counters(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = counters.run(options.only, effort, tell)
+    failures = [f"{row.middleware}: {row.failure}" for row in rows if row.failure]
+    return Found(rows, [counters.table(rows)], counters.findings(rows), failures)
+
+
 def _peers(options: argparse.Namespace, effort: Effort) -> Found:
     rows = versus.run(options.path, [versus.PEERS[name] for name in options.peers], options.sizes, effort, tell)
     return Found(rows, [versus.table(rows)], versus.findings(rows))
@@ -210,6 +222,12 @@ def _records(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [records.table(rows)], records.findings(rows), failures=failures)
 
 
+def _record(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = recording.run(options.only, effort, tell)
+    failures = [f"{row.middleware} {row.compress}: {row.failure}" for row in rows if row.failure]
+    return Found(rows, [recording.table(rows)], recording.findings(rows), failures)
+
+
 def _memory(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(memory.run, options.only, effort.halved)
     return Found(rows, [memory.table(rows)], failures=failures)
@@ -245,9 +263,15 @@ def _lsp(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [lsp.table(rows)])
 
 
+def _tools(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = tools.run(options.only, effort.halved, tell)
+    return Found(rows, [tools.table(rows)])
+
+
 MEASUREMENTS: dict[str, Run] = {
     "start": _start,
     "query": _query,
+    "counters": _counters,
     "peers": _peers,
     "publish": _publish,
     "loans": _loans,
@@ -259,11 +283,13 @@ MEASUREMENTS: dict[str, Run] = {
     "codecs": _codecs,
     "memory": _memory,
     "shared": _shared,
+    "record": _record,
     "virtual": _virtual,
     "lockstep": _lockstep,
     "scale": _scale,
     "languages": _languages,
     "lsp": _lsp,
+    "tools": _tools,
 }
 
 
@@ -329,7 +355,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--draw", action="store_true", help="measure nothing: update page and figures as stored")
     parser.add_argument("--stored", action="store_true", help="measure nothing: print the stored tables")
     parser.add_argument(
-        "--json", metavar="FILE", help="write all figures there, times in µs (of `start`, `languages` and `lsp`: in s)"
+        "--json",
+        metavar="FILE",
+        help="write all figures there, times in µs (of `start`, `languages`, `lsp` and `tools`: in s)",
     )
     return parser
 

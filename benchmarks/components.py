@@ -29,14 +29,25 @@ class Ready:
 
 @contextlib.contextmanager
 def component(
-    name: str, folder: Path, middleware: str, *settings: str, instance: str = "", runtime: str = "", **environment: str
+    name: str,
+    folder: Path,
+    middleware: str,
+    *settings: str,
+    instance: str = "",
+    runtime: str = "",
+    domain: str = "own",
+    **environment: str,
 ) -> Iterator[Ready]:
-    """The component of that name in a folder. It meets others with the same run-time folder."""
+    """The component of that name in a folder. It meets others with the same run-time folder.
+
+    In the domain `default`, its transport has no options, so that tools find it.
+    """
     with contextlib.ExitStack() as undo:
         here = undo.enter_context(place())
         command = [sys.executable, "-m", name, "--middleware", middleware, "--set", "component.log=warning"]
         command += ["--name", instance or name]
-        transport = (f"transports.{middleware}.{key}={value}" for key, value in options(middleware, here).items())
+        chosen = {} if domain == "default" else options(middleware, here)
+        transport = (f"transports.{middleware}.{key}={value}" for key, value in chosen.items())
         for each in (*settings, *transport):
             command += ["--set", each]
         told = undo.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))

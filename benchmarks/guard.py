@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from . import codecs, loans, publish, query, start
+from . import codecs, counters, loans, publish, query, start
 from .goals import Finding
 from .options import some_of, tell
 from .parties import MIDDLEWARES
@@ -32,6 +32,7 @@ TOLERANCES = {
     "small": 1.2,
     "large": 1.25,
     "inproc": 1.3,
+    "counters": 1.1,
     "latency": 1.4,
     "rate": 1.4,
     "loan": 1.5,
@@ -41,7 +42,7 @@ TOLERANCES = {
 }
 """By goal: how much a ratio may grow before that is no longer chance."""
 
-TO_RAW = ("small", "large", "latency", "rate")
+TO_RAW = ("small", "large", "latency", "rate", "counters")
 """For these, a ratio below 1 was luck, and counts as 1."""
 
 
@@ -135,6 +136,7 @@ def _medians(runs: Sequence[dict[str, float]]) -> dict[str, float]:
 
 GOALS_OF = {
     "query": ("small", "large", "inproc"),
+    "counters": ("counters",),
     "publish": ("latency", "rate"),
     "loans": ("loan",),
     "codecs": ("xcdr1", "messagepack"),
@@ -150,6 +152,8 @@ def probes(middlewares: Sequence[str]) -> list[Probe]:
         else:
             made.append(Probe("query", each, partial(_query, each)))
             made.append(Probe("publish", each, partial(_publish, each)))
+        if each in counters.MEASURED:
+            made.append(Probe("counters", each, partial(_counters, each)))
         if each == "shm":
             made.append(Probe("loans", each, partial(_loans, each)))
         made.append(Probe("start", each, partial(_start, each)))
@@ -158,6 +162,10 @@ def probes(middlewares: Sequence[str]) -> list[Probe]:
 
 def _query(middleware: str, effort: Effort) -> list[Finding]:
     return query.findings(query.run([middleware], SIZES, effort, tell))
+
+
+def _counters(middleware: str, effort: Effort) -> list[Finding]:
+    return counters.findings(counters.run([middleware], effort, tell))
 
 
 def _publish(middleware: str, effort: Effort) -> list[Finding]:

@@ -47,16 +47,21 @@ class News:
 
 class Far:
     def __init__(
-        self, middleware: str, place: Place, hear: Hear, through: Callable[[Transport], Transport] | None = None
+        self,
+        middleware: str,
+        place: Place,
+        hear: Hear,
+        through: Callable[[Transport], Transport] | None = None,
+        within: str = "benchmark",
     ) -> None:
-        """`through` puts something between the transport and what is bound to it."""
+        """`through` puts something between the transport and what is bound to it. `within` is the instance."""
         self._transport, self._monitor = connected(middleware, place), Monitor()
         if through:
             self._transport = through(self._transport)
         self._links: list[Link] = []
         try:
             for port in (IMPLEMENTS, SUBSCRIBES):
-                router = route(self._transport, place.depth)
+                router = route(self._transport, place.depth, within)
                 self._links += ports.bind_handlers(port, Handlers(hear), router, self._monitor)
         except BaseException:
             self.close()  # otherwise its threads would keep this process alive, and its parent would wait for ever
@@ -73,9 +78,9 @@ class Far:
 class Near:
     """Calls from inside the worker, as `compute` does: its other handlers could run while it waits."""
 
-    def __init__(self, middleware: str, place: Place) -> None:
+    def __init__(self, middleware: str, place: Place, within: str = "benchmark") -> None:
         self._transport, self._monitor = connected(middleware, place), Monitor()
-        router = route(self._transport, place.depth)
+        router = route(self._transport, place.depth, within)
         self._asking, asking = ports.bind_proxy(REQUIRES, router, self._monitor)
         self._publishing, publishing = ports.bind_proxy(PUBLISHES, router, self._monitor)
         self._links = [*asking, *publishing]
@@ -108,10 +113,10 @@ class Near:
         self._transport.close()
 
 
-def route(transport: Transport, depth: int) -> ports.Router:
+def route(transport: Transport, depth: int, within: str = "benchmark") -> ports.Router:
     qos = QoS(Reliability.RELIABLE, depth=depth)
     return lambda port, operation: ports.Route(
-        transport, "", f"benchmark/{port.interface.short}/{operation.name}", qos, PATIENCE
+        transport, "", f"{within}/{port.interface.short}/{operation.name}", qos, PATIENCE
     )
 
 

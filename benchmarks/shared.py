@@ -14,7 +14,7 @@ from pathlib import Path
 
 from robocomp_py.testing.parts import blob, command, query
 from robocomp_py.transports.base import Reply, Status, TransportConfig
-from robocomp_py.transports.shm.node import prefix
+from robocomp_py.transports.shm.room import prefix
 from robocomp_py.transports.shm.transport import ShmTransport
 
 from .goals import Finding

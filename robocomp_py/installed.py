@@ -55,6 +55,12 @@ def entries(group: str) -> Mapping[str, EntryPoint]:
     return _now().of(group)
 
 
+def find(group: str, name: str) -> Any:
+    """What an entry point names, imported; None if there is none of that name. Raises ImportError."""
+    known = _now()
+    return known.load(group, name) if name in known.of(group) else None
+
+
 def extensions() -> list[EntryPoint]:
     """The entry points of all groups of ours; none is imported."""
     return _now().extensions()

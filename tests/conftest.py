@@ -47,6 +47,15 @@ def runtime_folder() -> Iterator[Path]:
         os.environ["ROBOCOMP_RUNTIME_DIR"] = before
 
 
+@pytest.fixture(autouse=True, scope="session")
+def dds_of_this_worker(runtime_folder: Path) -> Iterator[None]:
+    """Over DDS, tests meet no components of tests that other workers run at the same time."""
+    with pytest.MonkeyPatch.context() as environment:
+        if "PYTEST_XDIST_WORKER" in os.environ:  # alone, tests also meet programs that know no tag
+            environment.setenv("CYCLONEDDS_URI", f"<Discovery><Tag>{runtime_folder.name}</Tag></Discovery>")
+        yield
+
+
 @pytest.fixture
 def own_runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """One for a single test, where nothing can be that another one has left, or has failed to end."""

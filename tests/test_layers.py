@@ -18,7 +18,7 @@ BUILD = {"lark", "jinja2", "rich", "robocomp_py.dsl", "robocomp_py.codegen", "ro
 MIDDLEWARES = {"zmq", "cyclonedds", "zenoh", "iceoryx2"}
 
 FORBIDDEN: dict[str, set[str]] = {
-    "robocomp_py": {"numpy", "robocomp_py.errors"},
+    "robocomp_py": {"numpy", "typing", "robocomp_py.client", "robocomp_py.errors"},
     "robocomp_py.errors": {"numpy", "robocomp_py.contract"},
     "robocomp_py.spelling": {"numpy", "robocomp_py.contract"},
     "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract"},
@@ -47,16 +47,42 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.graph.statemachine": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.graph.netsvg": BUILD | MIDDLEWARES | {"numpy", "xml", "robocomp_py.wire", "robocomp_py.runtime"},
     "robocomp_py.runtime.api": BUILD | MIDDLEWARES | {"robocomp_py.actions", "xml", "pyexpat", "msgpack", "argparse"},
-    "robocomp_py.runtime.run": BUILD | MIDDLEWARES | {"robocomp_py.actions", "msgpack", "robocomp_py.classic"},
+    "robocomp_py.runtime.run": BUILD
+    | MIDDLEWARES
+    | {"robocomp_py.actions", "robocomp_py.runtime.diary", "robocomp_py.tools", "msgpack", "robocomp_py.classic"},
+    "robocomp_py.runtime.diary": BUILD | MIDDLEWARES | {"robocomp_py.tools", "mcap", "msgpack"},
+    "robocomp_py.tools.diary.note": BUILD | MIDDLEWARES | {"mcap", "msgpack"},
     "robocomp_py.virtual.simulation": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic"},
     "robocomp_py.lockstep.lockstep": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic", "robocomp_py.virtual"},
     "robocomp_py.contract.told": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
     "robocomp_py.wire.json": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.tools.census": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.doctor.checks": BUILD | MIDDLEWARES | {"msgpack"},
+    "robocomp_py.tools.doctor.collect": BUILD | MIDDLEWARES | {"msgpack"},
+    "robocomp_py.tools.drift": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.monitor.watching": BUILD | MIDDLEWARES | {"msgpack"},
     "robocomp_py.tools.tap": BUILD | MIDDLEWARES | {"msgpack"},
+    "robocomp_py.innermodel.tree": BUILD
+    | MIDDLEWARES
+    | {"robocomp_py.contract", "robocomp_py.wire", "robocomp_py.transports", "robocomp_py.runtime", "mujoco"},
+    "robocomp_py.innermodel.mesh": BUILD | MIDDLEWARES | {"trimesh", "robocomp_py.runtime"},
+    "robocomp_py.sim.world": BUILD
+    | MIDDLEWARES
+    | {"robocomp_py.contract", "robocomp_py.wire", "robocomp_py.transports", "robocomp_py.runtime", "trimesh"},
+    "robocomp_py.client": BUILD | MIDDLEWARES | {"msgpack", "matplotlib", "robocomp_py.actions"},
+    "robocomp_py.wire.schema": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.recording.reader": BUILD | MIDDLEWARES | {"mcap", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.recording.series": BUILD
+    | MIDDLEWARES
+    | {"mcap", "matplotlib", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.drawing": BUILD | MIDDLEWARES | {"matplotlib", "mcap", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.recording.writer": BUILD | MIDDLEWARES | {"mcap", "msgpack"},
     "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.classic", "lib2to3"},
+    "robocomp_py.tools.announced": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract", "robocomp_py.runtime"},
+    "robocomp_py.cli.candidates": MIDDLEWARES | {"numpy", "dataclasses", "robocomp_py.dsl", "robocomp_py.deploy"},
     "robocomp_py.cli.rc": MIDDLEWARES
     | {
+        "numpy",
         "pygls",
         "lark",
         "libcst",

@@ -38,7 +38,10 @@ class SpecificWorker(GenericWorker):
         return TImage(False, width, height, depth, pixels.ravel())
 
     def DifferentialRobotPub_pushBaseState(self, state: TBaseState) -> None:
-        self.pose = state
+        """Keep the newest pose, except one whose numbers are not finite."""
+        pose = state.correctedX, state.correctedZ, state.correctedAlpha
+        if all(map(math.isfinite, pose)):
+            self.pose = state
 
     def CameraSimple_getImage(self) -> TImage:
         """The newest picture; HardwareFailedException before there is one."""

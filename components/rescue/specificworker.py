@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from .generic import RoboCompBatteryStatus, RoboCompCameraSimple, RoboCompGenericBase
@@ -94,12 +95,16 @@ class SpecificWorker(GenericWorker):
     def BatteryStatusPub_pushBatteryState(
         self, battery: RoboCompBatteryStatus.TBattery
     ) -> None:
-        self.percent = battery.percentage
-        self.missing.discard("the battery")
+        """Keep the newest charge. One that is not finite was not measured."""
+        if math.isfinite(battery.percentage):
+            self.percent = battery.percentage
+            self.missing.discard("the battery")
 
     def DifferentialRobotPub_pushBaseState(
         self, state: RoboCompGenericBase.TBaseState
     ) -> None:
+        """Keep the newest place. One that is not finite is not known."""
         x, z = state.correctedX / 1000, state.correctedZ / 1000
-        self.place = f"{x:.1f}, {z:.1f}"
-        self.missing.discard("the pose")
+        if math.isfinite(x) and math.isfinite(z):
+            self.place = f"{x:.1f}, {z:.1f}"
+            self.missing.discard("the pose")

@@ -61,23 +61,40 @@ class SpecificWorker(GenericWorker):
             self.differentialrobot_proxy.stopBase()
             self.moving = False
 
+    def wait(self, missing: str) -> None:
+        """Stop the base until the next scan or pose, because one has no data."""
+        if self.moving:
+            self.log.warning("the robot waits: %s", missing)
+        self.rest()
+
     def explore(self) -> None:
         """Use every scan once. Without new scans the base stops by itself."""
-        if self.scan:
-            scan, self.scan = self.scan, None
+        if self.scan is None:
+            return
+        scan, self.scan = self.scan, None
+        if scan.is_blind:
+            self.wait("the laser measures nothing")
+        else:
             self.drive(*speeds(along_wall(scan, self.hand), self.params.speed))
 
     def approach(self) -> None:
         """Drive towards the target; when there, turn to its heading."""
-        scan, state = self.laser_proxy.getLaserAndBStateData()
+        measures, state = self.laser_proxy.getLaserAndBStateData()
         if self.doing != self.approach:  # a handler has chosen another mode meanwhile
             return
         x, z = state.correctedX / 1000, state.correctedZ / 1000
+        if not are_finite(x, z, state.correctedAlpha):
+            self.wait("the pose of the robot is unknown")
+            return
         dx, dz = self.target.x - x, self.target.z - z
         distance = math.hypot(dx, dz)
         if distance > self.params.near:
+            scan = _scan_of(measures)
+            if scan.is_blind:
+                self.wait("the laser measures nothing")
+                return
             bearing = _turn(state.correctedAlpha, math.atan2(dx, dz))
-            way = self.course.way(_scan_of(scan), bearing, distance)
+            way = self.course.way(scan, bearing, distance)
             adv, rot = speeds(way, self.params.speed)
             self.drive(min(adv, distance), rot)
             return
@@ -101,7 +118,12 @@ class SpecificWorker(GenericWorker):
         self.scan = _scan_of(laserData)
 
     def GotoPoint_go(self, nodo: str, x: float, y: float, alpha: float) -> None:
-        """Explore if `nodo` is "anywhere", or else go to that place."""
+        """Explore if `nodo` is "anywhere", or else go to that place.
+
+        A place that is not finite is refused with ValueError.
+        """
+        if nodo != ANYWHERE and not are_finite(x, y, alpha):
+            raise ValueError(f"the place must be finite, not {x:g}, {y:g}, {alpha:g}")
         self.arrived = False
         if nodo == ANYWHERE:
             self.hand = -self.hand
@@ -112,6 +134,9 @@ class SpecificWorker(GenericWorker):
             self.doing = self.approach
 
     def GotoPoint_turn(self, speed: float) -> None:
+        """Turn at this speed. One that is not finite is refused with ValueError."""
+        if not are_finite(speed):
+            raise ValueError(f"the speed must be finite, not {speed:g}")
         self.spinning = speed
         self.doing = self.spin
 
@@ -122,10 +147,15 @@ class SpecificWorker(GenericWorker):
         return self.arrived
 
 
+def are_finite(*numbers: float) -> bool:
+    return all(map(math.isfinite, numbers))
+
+
 def _scan_of(measures: RoboCompLaser.TLaserData) -> Scan:
-    """A scan in m."""
-    directions = np.array([measure.angle for measure in measures])
-    distances = np.array([measure.dist for measure in measures]) / 1000
+    """A scan in m, without measures that are not finite."""
+    usable = [each for each in measures if are_finite(each.angle, each.dist)]
+    directions = np.array([each.angle for each in usable])
+    distances = np.array([each.dist for each in usable]) / 1000
     return Scan(directions, distances)
 
 

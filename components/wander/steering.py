@@ -44,6 +44,11 @@ class Scan:
     directions: Floats
     distances: Floats
 
+    @property
+    def is_blind(self) -> bool:
+        """Whether it has no measure at all."""
+        return not self.distances.size
+
 
 @dataclass(frozen=True)
 class Way:
@@ -56,9 +61,9 @@ class Way:
 def along_wall(scan: Scan, hand: int) -> Way:
     """The way past the nearest thing on that side; straight on if nothing is near."""
     beside = scan.directions * hand > -math.radians(20)
-    nearest = scan.distances[beside].argmin()
-    if scan.distances[beside][nearest] > WALL_M:
+    if scan.distances[beside].min(initial=math.inf) > WALL_M:
         return _nearest_free(scan, DIRECTIONS, 0.0, hand)
+    nearest = scan.distances[beside].argmin()
     wall = scan.directions[beside][nearest]
     return _nearest_free(scan, DIRECTIONS[DIRECTIONS * hand <= wall * hand], wall, hand)
 

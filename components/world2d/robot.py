@@ -12,6 +12,9 @@ from .room import Point, Room
 
 RADIUS_M = 0.22
 
+FARTHEST_M = 1e6
+"""Poses are at most this far from 0: in mm they fit into 32 bits."""
+
 COMMAND_LASTS_S = 1.0
 """Without a new command, the base stops after this time: its client may be gone."""
 
@@ -25,6 +28,12 @@ class Pose:
     @property
     def place(self) -> Point:
         return self.x, self.z
+
+    @property
+    def is_possible(self) -> bool:
+        """False if a number is not finite, or the place is too far away."""
+        near = abs(self.x) <= FARTHEST_M and abs(self.z) <= FARTHEST_M
+        return near and math.isfinite(self.heading)
 
     def ahead(self, distance: float, aside: float = 0.0) -> Point:
         """The place at this distance, in a direction relative to the heading."""
@@ -58,7 +67,12 @@ class Base:
         return bool(self.adv or self.rot)
 
     def command(self, adv: float, rot: float) -> None:
-        """Drive with these speeds, limited to the fastest possible ones."""
+        """Drive with these speeds, limited to the fastest possible ones.
+
+        Raises ValueError if one is not finite; then the last command remains.
+        """
+        if not (math.isfinite(adv) and math.isfinite(rot)):
+            raise ValueError("speeds must be finite")
         self.adv = min(max(adv, -self._max_adv), self._max_adv)
         self.rot = min(max(rot, -self._max_rot), self._max_rot)
         self._age = 0.0

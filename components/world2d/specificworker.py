@@ -18,6 +18,7 @@ from .robot import Base, Battery, Pose
 from .room import Floats, Point, read_room
 
 TBaseState = RoboCompGenericBase.TBaseState
+HardwareFailedException = RoboCompGenericBase.HardwareFailedException
 TBattery = RoboCompBatteryStatus.TBattery
 BatteryStates = RoboCompBatteryStatus.BatteryStates
 
@@ -119,7 +120,10 @@ class SpecificWorker(GenericWorker):
 
     def DifferentialRobot_setSpeedBase(self, adv: float, rot: float) -> None:
         """Drive with these speeds, for a second of world time at most."""
-        self.base.command(adv / 1000, rot)
+        try:
+            self.base.command(adv / 1000, rot)
+        except ValueError as wrong:
+            raise HardwareFailedException(str(wrong)) from wrong
 
     def DifferentialRobot_stopBase(self) -> None:
         self.base.command(0.0, 0.0)
@@ -135,16 +139,15 @@ class SpecificWorker(GenericWorker):
         self.base.odometer = self.base.best = Pose(0.0, 0.0, 0.0)
 
     def DifferentialRobot_setOdometer(self, state: TBaseState) -> None:
-        self.base.odometer = Pose(state.x / 1000, state.z / 1000, state.alpha)
-        self.base.best = Pose(
-            state.correctedX / 1000, state.correctedZ / 1000, state.correctedAlpha
-        )
+        raw = pose_of(state.x, state.z, state.alpha)
+        best = pose_of(state.correctedX, state.correctedZ, state.correctedAlpha)
+        self.base.odometer, self.base.best = raw, best
 
     def DifferentialRobot_setOdometerPose(self, x: int, z: int, alpha: float) -> None:
-        self.base.odometer = self.base.best = Pose(x / 1000, z / 1000, alpha)
+        self.base.odometer = self.base.best = pose_of(x, z, alpha)
 
     def DifferentialRobot_correctOdometer(self, x: int, z: int, alpha: float) -> None:
-        self.base.best = Pose(x / 1000, z / 1000, alpha)
+        self.base.best = pose_of(x, z, alpha)
 
     def Laser_getLaserData(self) -> RoboCompLaser.TLaserData:
         return self.scan()
@@ -171,3 +174,11 @@ class SpecificWorker(GenericWorker):
 
     def BatteryStatus_getBatteryState(self) -> TBattery:
         return self.battery_state()
+
+
+def pose_of(x: float, z: float, alpha: float) -> Pose:
+    """A pose from mm and rad. HardwareFailedException if there is no such pose."""
+    pose = Pose(x / 1000, z / 1000, alpha)
+    if not pose.is_possible:
+        raise HardwareFailedException(f"{x:g}, {z:g}, {alpha:g} is not a pose")
+    return pose

@@ -114,8 +114,10 @@ def connect(port: Port, proxy: ActionProxy, route: Routes, around: Surroundings,
         around.awaiting,
         around.identity,
         around.times,
+        run=around.monitor.run,
         holds=around.counts is not None,
     )
+    around.monitor.at_end(client.turn_away)
     hearing = replace(_part(port, Verb.SUBSCRIBES, topics_of(port.interface)), concurrent=True)
     methods = {}
     for action in port.interface.actions:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, wait
 from functools import partial
 from typing import Any, TypeVar
 
@@ -19,7 +19,7 @@ from ..contract.interface import Operation
 from ..errors import Busy, Cancelled, RobocompError, Timeout, TransportError, Unreachable
 from ..runtime.ports import Proxy
 from ..transports.base import about_to_block
-from .goal import MOST_GOALS, Awaiting, Goal, Times
+from .goal import MOST_GOALS, Awaiting, Goal, Run, Times
 
 log = logging.getLogger("robocomp.worker")
 
@@ -44,13 +44,14 @@ class GoalClient:
         identity: Callable[[], bytes],
         times: Times = Times(),  # noqa: B008 - frozen
         *,
+        run: Run = lambda callback: callback(),
         holds: bool = False,
     ) -> None:
-        """`bound` are the queries of the actions. If it `holds`, a message by which a goal ends is handled when its
-        result is here, so that a clock in lock-step waits for it."""
+        """`bound` are the queries of the actions; `run` runs callbacks of the futures of goals. If it `holds`, a
+        message by which a goal ends is handled when its result is here, so that a clock in lock-step waits for it."""
         self._actions = {each.name: each for each in actions}
         self._bound, self._awaiting, self._identity, self._times = bound, awaiting, identity, times
-        self._holds = holds
+        self._run, self._holds = run, holds
         self._goals: dict[bytes, tuple[Action, Goal[Any, Any], bool]] = {}
         self._lock = threading.Lock()
         self._is_closed = False
@@ -60,7 +61,7 @@ class GoalClient:
     ) -> Goal[Any, Any]:
         """Begin a goal, and wait until its server has accepted it. Raises what calls raise."""
         name = f"{action.interface}.{action.name}".replace("::", ".")
-        goal: Goal[Any, Any] = Goal(name, self._identity(), self._awaiting, partial(self._cancel, action))
+        goal: Goal[Any, Any] = Goal(name, self._identity(), self._awaiting, partial(self._cancel, action), self._run)
         with self._lock:
             if len(self._goals) >= MOST_GOALS:
                 raise Busy(f"{name}: {MOST_GOALS} goals of this component are not over")
@@ -92,12 +93,25 @@ class GoalClient:
                 if self._holds and state >= GoalState.SUCCEEDED:
                     _hold(known[1])
 
+    def turn_away(self) -> None:
+        """End what waits for goals now, because the component is asked to stop. The goals go on until `close`."""
+        for _, goal, _ in self._left():
+            goal._turn_away()
+
     def close(self) -> None:
-        """Cancel the goals that are not detached. No goal can begin from now on."""
+        """Cancel the goals that are not detached, and end all of them here. No goal can begin from now on."""
         self._is_closed = True
+        left = self._left()
+        self._cancel_all((action, goal) for action, goal, detached in left if not detached)
+        for _, goal, _ in left:
+            self._end(goal, GoalState.UNKNOWN, error=goal._closed())
+
+    def _left(self) -> list[tuple[Action, Goal[Any, Any], bool]]:
         with self._lock:
-            left = [(action, goal) for action, goal, detached in self._goals.values() if not detached]
-        for action, goal in left:
+            return list(self._goals.values())
+
+    def _cancel_all(self, goals: Iterable[tuple[Action, Goal[Any, Any]]]) -> None:
+        for action, goal in goals:
             try:
                 self._bound[action.cancel.name].ask((goal.id,), _LEAVING)
             except RobocompError as exc:  # its server notices the silence
@@ -145,7 +159,9 @@ class GoalClient:
                 raise error
 
     def _go_on(self, action: Action, goal: Goal[Any, Any]) -> None:
-        if not self._is_closed:
+        if self._is_closed:
+            self._end(goal, GoalState.UNKNOWN, error=goal._closed())
+        else:
             self._poll(action, goal)
 
     def _end(self, goal: Goal[Any, Any], state: GoalState, value: Any = None, error: Exception | None = None) -> None:
@@ -159,17 +175,8 @@ class GoalClient:
 
 def _hold(goal: Goal[Any, Any]) -> None:
     """Wait until a goal is done, but not long."""
-    wake = threading.Event()
-    with goal._lock:
-        if goal._is_done:
-            return
-        goal._waiting.append(wake)
     about_to_block()  # the result comes by the threads that receive
-    try:
-        wake.wait(_HELD)
-    finally:
-        with goal._lock:
-            goal._waiting.remove(wake)
+    wait([goal._follow(Future())], _HELD)
 
 
 class ActionProxy(Proxy):

@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE, WRONG
+from .completing import What, completed
 from .live import (
     EXIT_STATUS,
     Absent,
@@ -15,6 +16,8 @@ from .live import (
     add_middleware,
     add_request,
     add_waiting,
+    add_yes,
+    allowed,
     awaited,
     one_of,
     positive,
@@ -35,6 +38,7 @@ examples:
   rc call speech/Speech/say '{{"text": "hello", "overwrite": true}}'
   rc call GotoPoint/go @where.json                         the arguments from a file
   rc call GotoPoint/go                                     shows what it takes
+  rc call wander/CommonBehavior/killYourSelf --yes         what is marked [confirm], without being asked
 
 The answer is printed as JSON. A declared exception is printed with its fields, and the exit status is 1.
 
@@ -46,10 +50,17 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Call a query of a running component and print its answer, or send it a command."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("operation", metavar="NAME", help="world/Laser/getLaserData, or an unambiguous part of such a name")
+    operation = to.add_argument(
+        "operation", metavar="NAME", help="world/Laser/getLaserData, or an unambiguous part of such a name"
+    )
+    completed(operation, What.CALLABLE)
     add_request(to)
     to.add_argument(
         "--deadline", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for the answer (default: 5)"
+    )
+    add_yes(to)
+    to.add_argument(
+        "--json", action="store_true", help="print a declared exception as JSON on stdout, as the answer is"
     )
     add_waiting(to)
     add_middleware(to)
@@ -58,10 +69,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     with reported("rc call") as code:
 
-        def pick(network: Network) -> Channel:
-            return callable_in(network, options.operation)
+        def pick(network: Network) -> tuple[Network, Channel]:
+            return network, callable_in(network, options.operation)
 
-        return _call(awaited(options, pick), options)
+        return _call(*awaited(options, pick), options)
     return code()
 
 
@@ -77,16 +88,20 @@ def callable_in(network: Network, name: str) -> Channel:
     return channel
 
 
-def _call(channel: Channel, options: argparse.Namespace) -> int:
+def _call(network: Network, channel: Channel, options: argparse.Namespace) -> int:
     from ..contract.interface import Pattern
+    from ..tools import asking
     from ..tools.access import Access, ThrownError
     from ..wire import json as values
 
     operation = channel.operation
-    taken = request_of(channel, options.arguments, "rc call")
-    if taken is None:
-        return USAGE
     with Access() as access:
+        told = asking.about(access, network, channel, min(options.deadline, asking.DEADLINE))
+        taken = request_of(channel, options.arguments, "rc call", told)
+        if taken is None:
+            return USAGE
+        if refused := allowed(channel, told, "rc call", yes=options.yes):
+            return refused
         if channel.pattern is Pattern.COMMAND:
             outlet, call = access.outlet(channel)
             if not outlet.wait_peer(options.timeout):
@@ -97,7 +112,11 @@ def _call(channel: Channel, options: argparse.Namespace) -> int:
             results = access.ask(channel, taken, options.deadline)
         except ThrownError as exc:
             fields = values.shown(exc.kind.all_fields, exc.values)
-            print(f"rc call: {exc.kind.name.replace('::', '.')}: {json.dumps(fields)}", file=sys.stderr)
+            name = exc.kind.name.replace("::", ".")
+            if options.json:
+                print(json.dumps({"exception": name, "fields": fields}))
+            else:
+                print(f"rc call: {name}: {json.dumps(fields)}", file=sys.stderr)
             return WRONG
     shown = values.shown(operation.outputs, results)
     print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None))

@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -15,11 +16,13 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn, Protocol, TextIO
+from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO
 
 from .. import __version__
 from ..arguments import Parser
-from ..dsl.diagnostics import Diagnostic, ordered
+
+if TYPE_CHECKING:
+    from ..dsl.diagnostics import Diagnostic
 
 FINE, WRONG, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -228,6 +231,8 @@ def _below(folder: Path, linked: bool, wrong: list[str], also: Callable[[Path], 
 
 def show(diagnostics: Iterable[Diagnostic], *, as_json: bool = False, to: TextIO | None = None) -> None:
     """Print diagnostics in order: for people to stderr, as JSON lines to stdout."""
+    from ..dsl.diagnostics import ordered
+
     for each in ordered(diagnostics):
         if as_json:
             print(json.dumps(each.to_json()), file=to or sys.stdout)
@@ -247,14 +252,20 @@ _UNBROKEN = 1000
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Sequence[str] = ()) -> None:
     """Print columns. On a terminal that is too narrow, those in `wrapped` get several lines."""
+    cells = [tuple(head), *map(tuple, rows)]
+    lines = _columns(cells) if all(each.isascii() and each.isprintable() for row in cells for each in row) else []
+    widest = max(map(len, lines), default=_UNBROKEN)
+    if widest < (shutil.get_terminal_size().columns if sys.stdout.isatty() else _UNBROKEN):
+        print("\n".join(lines))
+        return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False, header_style="")
     for column in head:
         table.add_column(column, no_wrap=column not in wrapped)
-    for row in rows:
+    for row in cells[1:]:
         table.add_row(*map(Text, row))
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -262,3 +273,9 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Seq
     with console.capture() as captured:
         console.print(table)
     print("\n".join(line.rstrip() for line in captured.get().splitlines()))
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table that need not be wrapped. To import a library for it would take longer than `rc list`."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -1,63 +1,226 @@
-"""`rc echo`: what is published."""
+"""`rc echo`: what is published, and what is called."""
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
+from typing import TYPE_CHECKING, Any
 
-from .common import FINE
-from .live import EXIT_STATUS, add_topics, awaited_topics, count, nothing_heard, part, reported, shortened
+from .calls import echo_calls
+from .common import FINE, USAGE
+from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, shortened, spelled
+
+if TYPE_CHECKING:
+    from ..tools.network import Channel
+    from ..tools.parts import Condition, Part
+    from ..tools.tap import Message, Presence
 
 NAME = "echo"
-HELP = "print what is published to topics"
+HELP = "print what is published to topics, or calls of queries and commands"
 
 _EXAMPLES = f"""\
 examples:
-  rc echo LaserPub                          all topics of this interface
-  rc echo world/BatteryStatusPub -n 1       one message of one instance
-  rc echo LaserPub --field laserData[0]     only a part of each message
-  rc echo LaserPub --full --json            everything, for machines
+  rc echo LaserPub                              all topics of this interface
+  rc echo world/BatteryStatusPub -n 1           one message of one instance
+  rc echo LaserPub --field laserData[0].dist    only a part of each message
+  rc echo LaserPub --field laserData[*].dist    ... of all items of a sequence
+  rc echo BatteryStatusPub --where 'level<20'   only messages that fit; several --where must all fit
+  rc echo LaserPub --every 10                   every tenth message
+  rc echo BatteryStatusPub --csv > battery.csv  a table: all fields, or those of --field
+  rc echo LaserPub --stamps                     when and as which number each message was sent
+  rc echo LaserPub --full --json                everything, for machines
+  rc echo GotoPoint --calls                     its queries and commands, as those tell that call them
+  rc echo GotoPoint --calls --served            ... as the server tells
 
-Long sequences are cut, unless --full or --json is given. No publisher waits for this command.
+A call is printed once it has ended: who called, how it ended, how long that took, its arguments and its results. Calls
+are told only while this command runs, by components that ran when it began.
+A condition is a path, one of = != < <= > >=, and a value. With [*] in the path, one item that fits is enough.
+Long sequences are cut, unless --full, --csv or --json is given. No publisher waits for this command.
 
 {EXIT_STATUS}
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "Print the messages of topics as they arrive, until Ctrl-C."
+    to.description = "Print the messages of topics, or calls of operations, as they come, until Ctrl-C."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("--field", metavar="PATH", help="print only this part: a.b, or a.b[0]")
+    to.add_argument("--calls", action="store_true", help="print calls of queries and commands instead")
+    to.add_argument("--served", action="store_true", help="with --calls: let servers tell, instead of those that call")
+    to.add_argument(
+        "--field",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="print only this part: a.b, a[0].b, a[*].b, or * for all fields one by one; may be repeated",
+    )
+    to.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="only messages that fit, such as 'a.b>3'; may be repeated",
+    )
+    to.add_argument("--every", type=count, default=1, metavar="COUNT", help="only each COUNT-th message of a topic")
     to.add_argument("--full", action="store_true", help="print long sequences whole")
+    to.add_argument("--csv", action="store_true", help="print a table with a column for each field")
+    to.add_argument("--stamps", action="store_true", help="also print when and as which number messages were sent")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of messages")
     add_topics(to)
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import tapped
+    from ..tools.tap import Presence, tapped
 
+    if options.csv and options.json:
+        print("rc echo: --csv and --json exclude each other", file=sys.stderr)
+        return USAGE
+    if options.served and not options.calls:
+        print("rc echo: --served is for --calls", file=sys.stderr)
+        return USAGE
     with reported("rc echo") as code:
+        if options.calls:
+            return echo_calls(options)
         topics = awaited_topics(options)
-        several = len(topics) > 1 or options.json
-        printed = 0
-        for heard in tapped(topics, first=options.timeout, whole=options.seconds):
-            if heard.dropped:
+        views = _views(topics, options)
+        printer = _Table(topics, views, options) if options.csv else _Lines(topics, views, options)
+        heard, fitting, printed = 0, Counter[str](), 0
+        for each in tapped(topics, first=options.timeout, whole=options.seconds):
+            if isinstance(each, Presence):
+                _tell(each)
+                continue
+            heard += 1
+            if each.dropped:
                 why = "they come faster than they are printed"
-                print(f"rc echo: {heard.dropped} messages were dropped here: {why}", file=sys.stderr)
-            message = part(heard.message, options.field) if options.field else heard.message
-            if options.json:
-                print(json.dumps({"time": heard.time, "channel": heard.channel, "message": message}), flush=True)
-            else:
-                at = datetime.fromtimestamp(heard.time).strftime("%H:%M:%S.%f")[:-3]
-                text = json.dumps(message if options.full else shortened(message), ensure_ascii=False)
-                print(at, *([heard.channel] if several else []), text, flush=True)
+                print(f"rc echo: {each.dropped} messages were dropped here: {why}", file=sys.stderr)
+            if not views[each.channel].fits(each.message):
+                continue
+            fitting[each.channel] += 1
+            if (fitting[each.channel] - 1) % options.every:
+                continue
+            printer.print(each)
             printed += 1
             if printed == options.most:
                 break
-        if not printed:
+        if not heard:
             raise nothing_heard(options)
+        if not printed:
+            raise Absent(f"{heard} messages were heard, and none fits --where")
         return FINE
     return code()
+
+
+@dataclass(frozen=True)
+class _View:
+    """What is shown of the messages of a topic."""
+
+    parts: Sequence[Part]
+    conditions: Sequence[Condition]
+    is_one: bool
+    """Whether only one part is wanted, which is then shown without its name."""
+
+    def fits(self, message: Any) -> bool:
+        """A message that is not understood fits if there is no condition."""
+        if isinstance(message, str):
+            return not self.conditions
+        return all(each.fits(message) for each in self.conditions)
+
+    def shown(self, message: Any) -> Any:
+        if isinstance(message, str) or not self.parts:
+            return message
+        found = {each.path: each.of(message) for each in self.parts}
+        return next(iter(found.values())) if self.is_one else found
+
+
+def _views(topics: Sequence[Channel], options: argparse.Namespace) -> Mapping[str, _View]:
+    """By channel. Raises ConfigurationError if an option does not fit a contract."""
+    from ..errors import ConfigurationError
+    from ..tools.parts import condition, parts
+
+    fields = options.field or (["*"] if options.csv else [])
+    views = {}
+    for topic in topics:
+        inputs = topic.operation.inputs
+        try:
+            wanted = [part for path in fields for part in parts(inputs, path)]
+            conditions = [condition(inputs, text) for text in options.where]
+        except ValueError as exc:
+            raise ConfigurationError(f"{topic.name}: {exc}") from exc
+        views[topic.name] = _View(wanted, conditions, len(fields) == 1 and not fields[0].endswith("*"))
+    columns = {tuple(each.path for each in view.parts) for view in views.values()}
+    if options.csv and len(columns) > 1:
+        listed = ", ".join(views)
+        raise ConfigurationError(f"one table cannot have the fields of {listed}; name one topic, or fields of all")
+    return views
+
+
+class _Lines:
+    """Prints a line for each message."""
+
+    def __init__(self, topics: Sequence[Channel], views: Mapping[str, _View], options: argparse.Namespace) -> None:
+        self._views, self._options = views, options
+        self._several = len(topics) > 1
+
+    def print(self, heard: Message) -> None:
+        message = self._views[heard.channel].shown(heard.message)
+        if self._options.json:
+            stamps = {"sent": heard.sent, "number": heard.number} if self._options.stamps else {}
+            print(json.dumps({"time": heard.time, "channel": heard.channel, **stamps, "message": message}), flush=True)
+            return
+        stamps_ = [_sent(heard)] if self._options.stamps else []
+        text = spelled(message if self._options.full else shortened(message))
+        print(_clock(heard.time), *stamps_, *([heard.channel] if self._several else []), text, flush=True)
+
+
+class _Table:
+    """Prints comma-separated values, as RFC 4180 has them, but with plain line ends."""
+
+    def __init__(self, topics: Sequence[Channel], views: Mapping[str, _View], options: argparse.Namespace) -> None:
+        self._views, self._stamps, self._several = views, options.stamps, len(topics) > 1
+        self._writer = csv.writer(sys.stdout, lineterminator="\n")
+        first = next(iter(views.values()))
+        stamps = ["sent", "number"] if self._stamps else []
+        self._row(["time", *stamps, *(["channel"] if self._several else []), *(each.path for each in first.parts)])
+
+    def print(self, heard: Message) -> None:
+        if isinstance(heard.message, str):
+            print(f"rc echo: {heard.channel}: {heard.message}", file=sys.stderr)
+            return
+        stamps = [_seconds(heard.sent), _cell(heard.number)] if self._stamps else []
+        values = [_cell(each.of(heard.message)) for each in self._views[heard.channel].parts]
+        self._row([_seconds(heard.time), *stamps, *([heard.channel] if self._several else []), *values])
+
+    def _row(self, cells: Sequence[str]) -> None:
+        self._writer.writerow(cells)
+        sys.stdout.flush()
+
+
+def _tell(presence: Presence) -> None:
+    told = "is published again" if presence.is_published else "is no longer published: its publisher has ended"
+    print(f"rc echo: {presence.channel} {told}", file=sys.stderr)
+
+
+def _clock(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds).strftime("%H:%M:%S.%f")[:-3]
+
+
+def _sent(heard: Message) -> str:
+    if heard.sent is None:
+        return "(sent without a stamp)"
+    number = "" if heard.number is None else f"number {heard.number} "
+    return f"({number}sent {_clock(heard.sent)}, {(heard.time - heard.sent) * 1e3:.1f} ms)"
+
+
+def _seconds(at: float | None) -> str:
+    return "" if at is None else f"{at:.6f}"
+
+
+def _cell(value: Any) -> str:
+    """Text as it is, all else as JSON; nothing for what a message has not."""
+    return "" if value is None else value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)

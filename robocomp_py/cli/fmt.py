@@ -11,6 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 from .common import FINE, WRONG, complain, files_of, show
+from .completing import completed
 from .replacing import replace_file
 
 NAME = "fmt"
@@ -35,9 +36,10 @@ _STDIN = Path("<stdin>")
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument(
+    files = to.add_argument(
         "files", nargs="+", metavar="FILE", help="a file, a folder with everything below it, or - for stdin"
     )
+    completed(files, ".idsl", ".cdsl", ".pdsl", ".ddsl", ".smdsl")
     to.add_argument("--check", action="store_true", help="list the files that are not formatted; change no file")
     to.add_argument("--diff", action="store_true", help="show what would change; change no file")
     to.add_argument("--language", metavar="NAME", help="what stdin is: idsl, cdsl, pdsl, ddsl or smdsl")

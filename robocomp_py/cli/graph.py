@@ -8,6 +8,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from .common import FINE, USAGE, WRONG, complain, show
+from .completing import completed
+from .live import reported
+from .model import declared
 from .network import add_overrides, overrides_of
 
 NAME = "graph"
@@ -21,10 +24,16 @@ examples:
   rc graph net.ddsl -o net.dot       ... for Graphviz
   rc graph net.ddsl -o net.mmd       ... for Mermaid, which GitHub draws in Markdown
   rc graph net.ddsl --middleware dds -o net.svg   ... as it would be over that middleware
+  rc graph net.ddsl --live -o now.svg   ... as it runs now, beside what it declares
+  rc graph rescue --live -o now.svg  ... by the name of a network that rcdeploy runs
   rc graph game.smdsl -o game.svg    the states of a machine, and the transitions between them
   rc graph game.scxml > game.svg
 
-exit status: 0 fine, 1 the file is wrong, 2 usage
+With --live, what is declared and not there is red, and what is there and not declared is grey and dotted. An arrow
+has the messages or calls of one second, and the median and the 99th percentile of durations: of calls the round trip,
+of messages the run of the subscriber's handler. It is thick if it fails, loses messages, or is near a deadline.
+
+exit status: 0 fine, 1 the file is wrong or what runs cannot be seen, 2 usage
 """
 
 _PIXELS = 2
@@ -34,7 +43,9 @@ _PIXELS = 2
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Draw a network, or a state machine.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("file", type=Path, metavar="FILE", help="network (.ddsl) or state machine (.smdsl, .scxml)")
+    about = "network (.ddsl) or state machine (.smdsl, .scxml)"
+    completed(to.add_argument("file", type=Path, metavar="FILE", help=about), ".ddsl", ".smdsl", ".scxml")
+    to.add_argument("--live", action="store_true", help="what runs, beside what the network FILE declares")
     to.add_argument(
         "-o",
         dest="output",
@@ -48,6 +59,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     path, output = options.file, options.output
     kind, ending = path.suffix.lower(), output.suffix.lower() if output else ".svg"
+    if options.live:
+        drawn = _live(options, ending)
+        return drawn if isinstance(drawn, int) else _written(drawn, output)
     if kind not in (".ddsl", ".smdsl", ".scxml"):
         return complain(f"rc graph: {path} is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml")
     endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
@@ -55,12 +69,7 @@ def run(options: argparse.Namespace) -> int:
         what = "a network" if kind == ".ddsl" else "a state machine"
         return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; use one of these")
     drawn = _network(options, ending) if kind == ".ddsl" else _machine(path)
-    if isinstance(drawn, int):
-        return drawn
-    if output is None:
-        sys.stdout.write(drawn)
-        return FINE
-    return _write(drawn, output)
+    return drawn if isinstance(drawn, int) else _written(drawn, output)
 
 
 def _machine(path: Path) -> str | int:
@@ -95,7 +104,32 @@ def _network(options: argparse.Namespace, ending: str) -> str | int:
     return ways.get(ending, netsvg.draw)(graph_of(plan))
 
 
-def _write(drawn: str, output: Path) -> int:
+def _live(options: argparse.Namespace, ending: str) -> str | int:
+    """What runs now; it is looked at twice, for rates."""
+    from ..graph.netsvg import draw
+    from ..tools.access import Access
+    from ..tools.lookout import Lookout, seen_twice
+    from ..tools.monitor.view import picture
+
+    if ending not in (".svg", ".png"):
+        return complain(f"rc graph: {options.output}: what runs is drawn as .svg, .png; use one of these")
+    if options.middleware or options.set:
+        print("rc graph: --live shows what runs: leave out --middleware and --set", file=sys.stderr)
+        return USAGE
+    with reported("rc graph") as code:
+        plan = declared(str(options.file), options.include)
+        with Access() as access:
+            look = seen_twice(Lookout(access, lambda: plan))
+        for each in look.troubles:
+            print(f"rc graph: could not look: {each}", file=sys.stderr)
+        return draw(picture(look))
+    return code()
+
+
+def _written(drawn: str, output: Path | None) -> int:
+    if output is None:
+        sys.stdout.write(drawn)
+        return FINE
     content = drawn.encode()
     if output.suffix.lower() == ".png":
         try:

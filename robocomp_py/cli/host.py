@@ -8,6 +8,7 @@ import sys
 import threading
 
 from .common import FINE, USAGE, complain, raise_if_signalled
+from .completing import What, completed
 
 NAME = "host"
 HELP = "run a helper process for the components of this machine: Zenoh's router, or IceStorm"
@@ -29,7 +30,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("middleware", metavar="MIDDLEWARE", help="the middleware: zenoh or ice")
+    about = "the middleware: zenoh or ice"
+    completed(to.add_argument("middleware", metavar="MIDDLEWARE", help=about), What.MIDDLEWARE)
     to.add_argument(
         "--set",
         action="append",

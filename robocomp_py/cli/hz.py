@@ -3,108 +3,60 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
-import statistics
-import time
-from collections import defaultdict, deque
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from .common import FINE
-from .live import EXIT_STATUS, add_topics, awaited_topics, count, nothing_heard, reported
+from .live import EXIT_STATUS, awaited_topics, reported
+from .measuring import add_measured, measure, messages
 
 if TYPE_CHECKING:
-    from ..tools.tap import Arrival
+    from ..tools.network import Channel
+    from ..tools.traffic import Traffic
 
 NAME = "hz"
-HELP = "measure how often topics are published, and how much"
+HELP = "measure how often topics are published, and whether messages are missing"
 
 _EXAMPLES = f"""\
 examples:
-  rc hz LaserPub                     once a second: rate, shortest and longest interval, octets
+  rc hz LaserPub                     once a second: rate, shortest and longest interval, missing messages
   rc hz LaserPub CameraSimplePub     several topics
   rc hz LaserPub --for 5 --json      for machines
+
+A gap is one or more messages in a row that were sent and did not arrive here; the numbers of messages tell.
+Rate and intervals are those of the last messages (--window). Ctrl-Z and `fg` begin them again.
 
 {EXIT_STATUS}
 """
 
-_TELL = 1.0
-"""Seconds between two lines of a topic."""
-
-_SILENT = 1.0
-"""A topic whose last message is older than this, in seconds, may count as silent."""
-
-_GAPS = 3.0
-"""It does if that is also longer than this number of its longest intervals."""
-
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "Measure the rate of topics and their octets per second, until Ctrl-C. Messages are not decoded."
-    to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument(
-        "--window", type=count, default=100, metavar="COUNT", help="the last messages that count (default: 100)"
-    )
-    add_topics(to)
+    add_measured(to, "the rate of topics", _EXAMPLES)
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import arrivals
-
     with reported("rc hz") as code:
-        topics = awaited_topics(options)
-        seen: dict[str, deque[Arrival]] = defaultdict(lambda: deque(maxlen=options.window + 1))
-        numbers: dict[str, int] = defaultdict(int)
-        told = time.monotonic()
-        for each in arrivals(topics, first=options.timeout, whole=options.seconds):
-            if each:
-                seen[each.channel].append(each)
-                numbers[each.channel] += 1
-            if time.monotonic() - told >= _TELL:
-                told = time.monotonic()
-                for channel, found in seen.items():
-                    _tell(channel, numbers[channel], list(found), as_json=options.json)
-        if not seen:
-            raise nothing_heard(options)
-        if options.seconds and time.monotonic() - told > _TELL / 10:
-            for channel, found in seen.items():
-                _tell(channel, numbers[channel], list(found), as_json=options.json)
-        return FINE
+        return measure(options, awaited_topics(options), words, figures)
     return code()
 
 
-def _tell(channel: str, number: int, found: Sequence[Arrival], *, as_json: bool) -> None:
-    gaps = [later.at - earlier.at for earlier, later in pairwise(found)]
-    silent = time.monotonic() - found[-1].at
-    is_silent = silent > _SILENT and silent > _GAPS * max(gaps, default=0.0)
-    rate = 1 / statistics.fmean(gaps) if gaps and sum(gaps) else math.nan
-    shortest, longest = (min(gaps), max(gaps)) if gaps else (math.nan, math.nan)
-    octets = statistics.fmean(each.octets for each in found) * rate
-    if as_json:
-        figures = {
-            "hz": 0.0 if is_silent else rate,
-            "shortest_s": shortest,
-            "longest_s": longest,
-            "octets_per_s": 0.0 if is_silent else octets,
-        }
-        known = {name: None if math.isnan(figure) else figure for name, figure in figures.items()}
-        print(json.dumps({"channel": channel, "messages": number, **known}), flush=True)
-    elif is_silent:
-        print(f"{channel}: nothing for {silent:.1f} s, {number} messages", flush=True)
-    elif gaps:
-        print(
-            f"{channel}: {rate:.2f} Hz, {shortest * 1e3:.1f} to {longest * 1e3:.1f} ms, {_octets(octets)}/s, "
-            f"{number} messages",
-            flush=True,
-        )
-    else:
-        print(f"{channel}: one message", flush=True)
+def words(channel: Channel, traffic: Traffic) -> str:
+    rate = traffic.rate()
+    if rate is None:
+        return ""
+    said = [f"{rate.hz:.2f} Hz", f"{rate.shortest * 1e3:.1f} to {rate.longest * 1e3:.1f} ms", messages(traffic)]
+    if traffic.gaps:
+        said.append(f"{traffic.missing} missing in {traffic.gaps} {'gap' if traffic.gaps == 1 else 'gaps'}")
+    elif traffic.is_numbered:
+        said.append("no gap")
+    return ", ".join(said)
 
 
-def _octets(number: float) -> str:
-    for unit, size in (("MB", 1e6), ("kB", 1e3)):
-        if number >= size:
-            return f"{number / size:.1f} {unit}"
-    return f"{number:.0f} B"
+def figures(channel: Channel, traffic: Traffic, is_silent: bool) -> Mapping[str, object]:
+    rate = traffic.rate()
+    return {
+        "hz": 0.0 if is_silent else rate and rate.hz,
+        "shortest_s": rate and rate.shortest,
+        "longest_s": rate and rate.longest,
+        "missing": traffic.missing if traffic.is_numbered else None,
+        "gaps": traffic.gaps if traffic.is_numbered else None,
+    }

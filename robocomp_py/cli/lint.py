@@ -25,6 +25,7 @@ Say what is wrong with files, and with what they import: each mistake with its p
 _EXAMPLES = """\
 examples:
   rc lint .                         all files of the languages in this folder and below, and their etc/*.toml
+  rc lint house.xml                 an InnerModel, with the files that it includes
   rc lint net.ddsl                  a network, with everything that it deploys
   rc lint --explain unknown-type    what a code means, with a wrong and a right example
   rc lint etc/config.toml           a configuration, by the component in whose folder it is
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         return _explain(options.explain)
     if not options.files:
         options.usage_error("give it files, as in: rc lint interfaces/*.idsl")
-    files, problems = files_of(options.files, linked=True, also=_configures)
+    files, problems = files_of(options.files, linked=True, also=_is_checked)
     for problem in problems:
         complain(f"rc lint: {problem}")
     found = check(files, options.include, options.against)
@@ -76,11 +77,14 @@ def run(options: argparse.Namespace) -> int:
     return WRONG if problems or any(each.severity == "error" for each in found) else FINE
 
 
-def _configures(path: Path) -> bool:
-    """Whether this is the configuration of a component, in its usual folder."""
+def _is_checked(path: Path) -> bool:
+    """Whether this is an InnerModel, or the configuration of a component, in its usual folder."""
     from ..deploy.configuration import model_beside
+    from ..dsl.innermodel.check import is_innermodel
 
-    return path.suffix.lower() == ".toml" and path.parent.name == "etc" and model_beside(path) is not None
+    return is_innermodel(path) or (
+        path.suffix.lower() == ".toml" and path.parent.name == "etc" and model_beside(path) is not None
+    )
 
 
 def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | None = None) -> list[Diagnostic]:
@@ -97,6 +101,8 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
     for path in files:
         if path.suffix.lower() == ".ddsl":
             _check_network(path, workspace)
+        elif path.suffix.lower() == ".xml":
+            workspace.check(path)
         elif is_configuration(path) or (against and path.suffix.lower() not in ENDINGS):
             check_configuration(path, workspace, against)
         else:

@@ -12,7 +12,7 @@ from .common import FINE, WRONG, print_table
 from .live import EXIT_STATUS, add_json, add_middleware, reported
 
 if TYPE_CHECKING:
-    from ..tools.network import Network
+    from ..tools.network import Network, Running
 
 NAME = "list"
 HELP = "list the components that run now, or their topics, queries and commands"
@@ -40,7 +40,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--channels", action="store_true", help="list channels instead of components")
     for name in _KINDS:
         to.add_argument(f"--{name}", action="store_true", help=f"list {name} instead of components")
-    to.add_argument("--all", action="store_true", help="also interfaces of the framework")
+    to.add_argument("--all", action="store_true", help="also interfaces of the framework, and commands such as rc echo")
     add_middleware(to)
     add_json(to)
 
@@ -53,12 +53,11 @@ def run(options: argparse.Namespace) -> int:
         kinds = [kind for name, kind in _KINDS.items() if getattr(options, name)]
         if options.channels or kinds:
             return _channels(network, kinds or list(_KINDS.values()), as_json=options.json)
-        return _components(network, as_json=options.json)
+        return _components(network.components(tools=options.all), as_json=options.json)
     return code()
 
 
-def _components(network: Network, *, as_json: bool) -> int:
-    found = network.components()
+def _components(found: list[Running], *, as_json: bool) -> int:
     if as_json:
         for each in found:
             print(json.dumps(asdict(each)))

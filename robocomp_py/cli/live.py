@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,15 +11,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .common import USAGE, WRONG
+from .common import FINE, USAGE, WRONG
+from .completing import What, completed
 
 if TYPE_CHECKING:
+    from ..runtime.RoboCompIntrospection import End
     from ..tools.network import Channel, Network
 
 T = TypeVar("T")
 
 _LOOK = 0.05
 """Seconds between two looks for a name that is not there yet."""
+
+TOPIC = "world/LaserPub/pushLaserData, or a part of such a name"
+COMPONENT = "robot1/wander, or its last part"
+"""What names may be, for the help of commands."""
 
 EXIT_STATUS = "exit status: 0 done, 1 nothing is there or was heard, or the call failed, 2 usage, 130/143 by a signal"
 
@@ -54,13 +59,14 @@ def count(text: str) -> int:
 
 
 def add_middleware(to: argparse.ArgumentParser) -> None:
-    to.add_argument(
+    chosen = to.add_argument(
         "--middleware",
         action="append",
         default=[],
         metavar="NAME",
         help="look at this middleware only; may be repeated (default: all that can tell what uses them)",
     )
+    completed(chosen, What.MIDDLEWARE)
 
 
 def add_waiting(to: argparse.ArgumentParser) -> None:
@@ -75,7 +81,8 @@ def add_json(to: argparse.ArgumentParser) -> None:
 
 def add_topics(to: argparse.ArgumentParser) -> None:
     """What commands that listen take."""
-    to.add_argument("topics", nargs="+", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
+    topics = to.add_argument("topics", nargs="+", metavar="NAME", help=TOPIC)
+    completed(topics, What.TOPIC)
     to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_waiting(to)
     add_middleware(to)
@@ -93,10 +100,12 @@ def add_request(to: argparse.ArgumentParser) -> None:
 def reported(command: str) -> Iterator[Callable[[], int]]:
     """Report expected errors. The function tells the exit code afterwards."""
     from ..errors import ConfigurationError, RobocompError
+    from ..installed import asked_once
 
     code = 0
     try:
-        yield lambda: code
+        with asked_once():
+            yield lambda: code
     except (Absent, RobocompError) as exc:
         code = USAGE if isinstance(exc, ConfigurationError) else WRONG
         print(f"{command}: {exc}", file=sys.stderr)
@@ -120,16 +129,34 @@ def awaited_topics(options: argparse.Namespace) -> list[Channel]:
     """The published topics that the arguments of `add_topics` name. Raises Absent."""
 
     def pick(network: Network) -> list[Channel]:
-        return _topics_of(network, options.topics)
+        return topics_of(network, options.topics)
 
     return awaited(options, pick)
+
+
+def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:
+    """The components that these names mean, whole ones or last parts; all if there are none. Raises Absent."""
+    if not wanted:
+        return list(known)
+    from ..spelling import unknown
+
+    found: list[str] = []
+    for each in wanted:
+        name = each.strip("/")
+        meant = [one for one in known if one == name or one.endswith(f"/{name}")]
+        if not meant:
+            shorts = [one.rpartition("/")[2] for one in known]
+            raise Absent(unknown("component", each, dict.fromkeys([*shorts, *known])))
+        found += meant
+    return list(dict.fromkeys(found))
 
 
 def nothing_heard(options: argparse.Namespace) -> Absent:
     return Absent(f"nothing was heard in {options.seconds or options.timeout:g} s")
 
 
-def _topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
+def topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
+    """The published topics that these names mean. Raises ValueError."""
     from ..contract.interface import Pattern
 
     found: dict[str, Channel] = {}
@@ -137,7 +164,8 @@ def _topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
         channels = network.named(name)
         topics = [each for each in channels if each.pattern is Pattern.PUBLISH]
         if not topics:
-            raise Wrong(f"`{name}` is no topic: {channels[0].name} is a {channels[0].pattern}")
+            what = f"{channels[0].name} is a {channels[0].pattern}"
+            raise Wrong(f"`{name}` is no topic: {what}; `rc echo --calls {name}` shows its calls")
         if not any(each.providers for each in topics):
             raise ValueError(f"nothing publishes {topics[0].name} now")
         topics = [each for each in topics if each.providers]
@@ -152,23 +180,6 @@ def one_of(network: Network, name: str) -> Channel:
         listed = ", ".join(each.name for each in found[:_LONGEST])
         raise Wrong(f"`{name}` may be {listed}{', …' if len(found) > _LONGEST else ''}; write more of the name")
     return found[0]
-
-
-def part(value: Any, path: str) -> Any:
-    """The part of JSON that a path such as `a.b[0]` names. Raises Absent."""
-    if not re.fullmatch(r"\w+(\.\w+|\[\d+\])*", path):
-        raise Absent(f"`{path}` is no path; write it as a.b, or a.b[0]")
-    steps = re.findall(r"\[(\d+)\]|(\w+)", path)
-    for number, name in steps:
-        try:
-            if isinstance(value, str):
-                raise TypeError("a text has no parts")
-            value = value[int(number)] if number else value[name]
-        except (KeyError, IndexError, TypeError):
-            known = f"; there is {', '.join(value)}" if isinstance(value, dict) else ""
-            known = f"; it has {len(value)} items" if isinstance(value, list) else known
-            raise Absent(f"a message has no `{path}`: `{number or name}` is not there{known}") from None
-    return value
 
 
 def shortened(value: Any) -> Any:
@@ -186,13 +197,43 @@ def shortened(value: Any) -> Any:
             return value
 
 
-def request_of(channel: Channel, words: list[str], command: str) -> tuple[Any, ...] | None:
-    """The values of a request that these words describe; None, and a message, if they do not."""
+def spelled(value: Any) -> str:
+    """JSON on a terminal: in one line, with letters as they are, and without control characters of others."""
+    text = json.dumps(value, ensure_ascii=False)
+    return text if text.isprintable() else "".join(each if each.isprintable() else "\ufffd" for each in text)
+
+
+def add_yes(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--yes", action="store_true", help="do not ask before an operation that stops or moves something")
+
+
+def allowed(channel: Channel, told: End | None, command: str, *, yes: bool) -> int:
+    """0 if an operation may be used, after asking if it is marked `[confirm]`; else the exit code, after a message."""
+    if told is None or not told.confirm or yes:
+        return FINE
+    if not sys.stdin.isatty():
+        print(f"{command}: {channel.name} stops or moves something; confirm it with --yes", file=sys.stderr)
+        return USAGE
+    print(f"{channel.name} stops or moves something. Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() in ("y", "yes"):
+        return FINE
+    print(f"{command}: nothing was done", file=sys.stderr)
+    return WRONG
+
+
+def request_of(channel: Channel, words: list[str], command: str, told: End | None = None) -> tuple[Any, ...] | None:
+    """The values of a request that these words describe; None, and a message, if they do not.
+
+    `told` is what a component tells of the operation.
+    """
     from ..wire import json as values
 
     inputs = channel.operation.inputs
     if inputs and not words:
         print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
+        for each in told.comments if told else ():
+            text = " ".join(each.text.split())
+            print(f"  {each.about}: {text}" if each.about else f"  {text}", file=sys.stderr)
         print(json.dumps(values.template(inputs)))
         return None
     try:

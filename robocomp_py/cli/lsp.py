@@ -14,10 +14,21 @@ NAME = "lsp"
 HELP = "the language server, which editors start; see docs/guides/editors.md"
 
 
+_EXAMPLES = """\
+examples:
+  rc lsp            what an editor starts
+  rc lsp --stdio    ... the same, for editors that add this
+
+exit status: 0 the editor has ended it, 1 the editor is gone or the server's libraries are missing, 2 usage
+"""
+
+
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
         "The language server for all the languages. Editors start it: docs/guides/editors.md says how, for each."
     )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--stdio", action="store_true", help="talk over stdin and stdout, as it does anyway")
 
 

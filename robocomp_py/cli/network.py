@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..contract.component import MAX_SECONDS
 from .common import add_include
+from .completing import What, completed
 
 if TYPE_CHECKING:
     from ..deploy.plan import Overrides, Plan
@@ -31,12 +32,13 @@ def network(text: str) -> Path:
 
 
 def add_overrides(to: argparse.ArgumentParser) -> None:
-    to.add_argument(
+    chosen = to.add_argument(
         "--middleware",
         metavar="NAME",
         help="what carries the messages, whatever the network says; auto, or 'auto(dds)': the fastest for each link "
         "(default: what the network says, or else auto)",
     )
+    completed(chosen, What.MIDDLEWARE)
     to.add_argument(
         "--set",
         action="append",
@@ -44,7 +46,7 @@ def add_overrides(to: argparse.ArgumentParser) -> None:
         metavar="INSTANCE.KEY=VALUE",
         help="set a key of an instance's configuration; may be repeated",
     )
-    to.set_defaults(clock=None, clock_speed=None)
+    to.set_defaults(clock=None, clock_speed=None, diary=[])
     add_include(to)
 
 
@@ -71,7 +73,8 @@ def overrides_of(options: argparse.Namespace) -> Overrides:
 
     _check_middleware(options.middleware)
     clock = "" if options.clock == "none" else options.clock
-    return Overrides(options.middleware, tuple(map(_assignment, options.set)), clock, options.clock_speed)
+    assignments = (*map(_assignment, options.set), *map(_diary, options.diary))
+    return Overrides(options.middleware, assignments, clock, options.clock_speed)
 
 
 def override_words(options: argparse.Namespace) -> list[str]:
@@ -105,6 +108,8 @@ def _check_middleware(name: str | None) -> None:
 
 def _speed(text: str) -> float:
     """A factor; 0 for `max`."""
+    from ..contract.component import MAX_SECONDS
+
     try:
         factor = 0.0 if text == "max" else float(text)
     except ValueError:
@@ -112,6 +117,12 @@ def _speed(text: str) -> float:
     if not (text == "max" or 0 < factor <= MAX_SECONDS):
         raise argparse.ArgumentTypeError(f"`{text}` is not a factor; write it as 10, 0.5 or max")
     return factor
+
+
+def _diary(instance: str) -> tuple[str, str]:
+    """What makes an instance write a diary in the working directory."""
+    path = Path.cwd() / f"{instance.replace('/', '_')}.mcap"
+    return instance, f"component.diary={json.dumps(str(path), ensure_ascii=False)}"
 
 
 def _assignment(text: str) -> tuple[str, str]:

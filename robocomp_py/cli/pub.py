@@ -7,12 +7,16 @@ import time
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE
+from .completing import What, completed
 from .live import (
     EXIT_STATUS,
+    TOPIC,
     Absent,
     add_middleware,
     add_request,
     add_waiting,
+    add_yes,
+    allowed,
     awaited,
     count,
     positive,
@@ -42,10 +46,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Publish a message to a topic, once it has a subscriber."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("topic", metavar="NAME", help="world/LaserPub/pushLaserData, or a part of such a name")
+    completed(to.add_argument("topic", metavar="NAME", help=TOPIC), What.TOPIC)
     add_request(to)
     to.add_argument("--rate", type=positive, metavar="HZ", help="publish so often a second, until Ctrl-C or -n")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="how many messages (default: one)")
+    add_yes(to)
     add_waiting(to)
     add_middleware(to)
 
@@ -53,21 +58,25 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     with reported("rc pub") as code:
 
-        def pick(network: Network) -> Channel:
-            return network.topic(options.topic)
+        def pick(network: Network) -> tuple[Network, Channel]:
+            return network, network.topic(options.topic)
 
-        return _publish(awaited(options, pick), options)
+        return _publish(*awaited(options, pick), options)
     return code()
 
 
-def _publish(channel: Channel, options: argparse.Namespace) -> int:
+def _publish(network: Network, channel: Channel, options: argparse.Namespace) -> int:
+    from ..tools import asking
     from ..tools.access import Access
     from ..transports.base import wait_connected
 
-    taken = request_of(channel, options.arguments, "rc pub")
-    if taken is None:
-        return USAGE
     with Access() as access:
+        told = asking.about(access, network, channel)
+        taken = request_of(channel, options.arguments, "rc pub", told)
+        if taken is None:
+            return USAGE
+        if refused := allowed(channel, told, "rc pub", yes=options.yes):
+            return refused
         outlet, call = access.outlet(channel)
         if not outlet.wait_peer(options.timeout):
             raise Absent(f"nothing subscribes to {channel.name}")

@@ -5,28 +5,62 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Protocol
+from importlib import import_module
+from typing import Protocol, cast
 
-from . import call, echo, fmt, graph, host, hz, info, links, lint, lsp, pub, rename, run
-from . import list as list_
+from ..arguments import Parser
+from . import completing
 from .common import add_version, command, parser
 
 
-class Described(Protocol):
+class Command(Protocol):
+    """The module of a command. It imports slow modules in `run`."""
+
     NAME: str
     HELP: str
 
     def add_arguments(self, to: argparse.ArgumentParser) -> None: ...
 
-
-class Command(Described, Protocol):
-    """The module of a command. It imports slow modules in `run`."""
-
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-_COMMANDS: tuple[Command, ...] = (lint, fmt, rename, lsp, graph, links, host, list_, info, echo, hz, call, pub)
-"""All except `run`, which passes options on to the component."""
+COMMANDS = (
+    "lint",
+    "fmt",
+    "rename",
+    "lsp",
+    "graph",
+    "links",
+    "host",
+    "list",
+    "info",
+    "echo",
+    "hz",
+    "bw",
+    "delay",
+    "call",
+    "pub",
+    "action",
+    "doctor",
+    "top",
+    "monitor",
+    "param",
+    "log",
+    "record",
+    "bag",
+    "plot",
+    "replay",
+    "rerun",
+    "sim",
+    "logs",
+    "foxglove",
+    "completion",
+    "run",
+)
+"""Each is the name of its module, which is imported only if it is needed: to import all takes longer than many run."""
+
+RUN = "run"
+"""The command that passes options on to the component."""
 
 _EXAMPLES = """\
 examples:
@@ -37,12 +71,25 @@ examples:
   rc graph net.ddsl -o net.svg        draw a network, or a state machine
   rc links net.ddsl                   what carries the messages between its instances
   rc list                             what runs now
-  rc echo LaserPub                    what it publishes; `rc hz` tells how often
+  rc echo LaserPub                    what it publishes; `rc hz`, `rc bw`, `rc delay` measure it
+  rc doctor                           what is wrong with this machine and with what runs
   rc call Speech/say text=hello overwrite=true
+  rc action send goTo target.x=3 target.y=0   begin a goal; Ctrl-C cancels it
+  rc top                              processor, rates and durations of what runs
+  rc monitor                          the same in the browser, with what is missing
+  rc param set wander max_speed=0.8   change a dynamic parameter; `rc log wander debug` a level
+  rc logs wander -f --level warning   its warnings, and new ones as they come
+  rc record -o run1                   record what is published; `rc bag info run1` shows it
+  rc plot run1 LaserPub.scan[0].dist -o dist.svg   draw a recorded value, or `--latency`
+  rc replay run1 --only LaserPub      publish it again, as it was in time
+  rc foxglove                         show what runs, or a recording, in Foxglove
+  rc rerun wander wander.mcap         run its code again, against its diary
+  rc sim new house.xml -o house       a component that simulates a scene
   rc host zenoh                       the router that components share, if nothing else runs it
   rc run components/wander            run a component until Ctrl-C
   rc run . --set component.period=0.02 --name left
   rc run camera + detector            ... several in one process
+  eval "$(rc completion bash)"        complete commands and names with the Tab key; or zsh, fish
 
 exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a signal
 """
@@ -51,25 +98,51 @@ exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else list(arguments)
-    if given[:1] == [run.NAME] and (code := run.run_plain(given[1:])) is not None:
+    if completing.is_asked(arguments):
+        from .candidates import answer
+
+        return answer(completer, given)
+    if given[:1] == [RUN]:
+        return _run(given)
+    options, rest = parser_for(given[0] if given else "").parse_known_args(given)
+    if getattr(options, "arguments", None) == [] and not any(word.startswith("-") for word in rest):
+        options.arguments, rest = rest, []  # behind an option: argparse has given it none by then
+    if rest:
+        options.parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return module(options.command).run(options)
+
+
+def _run(given: Sequence[str]) -> int:
+    from . import run
+
+    if (code := run.run_plain(given[1:])) is not None:
         return code
+    first, *others = run.split(given)
+    options, rest = parser_for(RUN).parse_known_args(first)
+    return run.run(options, rest, options.parser, others)
+
+
+def completer(words: Sequence[str], word: str) -> tuple[Parser, Sequence[str]]:
+    """The parser for a word behind these, and those of them that it reads."""
+    return parser_for(words[0] if words else "", word), words
+
+
+def parser_for(name: str, beginning: str = "") -> Parser:
+    """The parser of `rc` with the arguments of this command only; if there is no such command, with those of all whose
+    names begin so."""
     made = parser("rc", "Check and run components.", _EXAMPLES)
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    parsers: dict[str, argparse.ArgumentParser] = {}
-    every: tuple[Described, ...] = (*_COMMANDS, run)
-    for each in every:
-        own = commands.add_parser(each.NAME, help=each.HELP, add_help=each is not run)
-        if given[:1] != [run.NAME] or each is run:
-            each.add_arguments(own)
-        add_version(own, f"rc {each.NAME}")
-        parsers[each.NAME] = own
-    first, *others = run.split(given)
-    options, rest = made.parse_known_args(first)
-    if options.command == run.NAME:
-        return run.run(options, rest, parsers[run.NAME], others)
-    if rest:
-        parsers[options.command].error(f"unrecognized arguments: {' '.join(rest)}")
-    return next(each for each in _COMMANDS if options.command == each.NAME).run(options)
+    for each in (name,) if name in COMMANDS else [each for each in COMMANDS if each.startswith(beginning)]:
+        about = module(each)
+        own = commands.add_parser(each, help=about.HELP, add_help=each != RUN)
+        about.add_arguments(own)
+        add_version(own, f"rc {each}")
+        own.set_defaults(parser=own)
+    return made
+
+
+def module(name: str) -> Command:
+    return cast(Command, import_module(f".{name}", __package__))
 
 
 if __name__ == "__main__":  # how a deployer starts components

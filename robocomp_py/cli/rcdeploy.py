@@ -12,7 +12,9 @@ from pathlib import Path
 
 from ..arguments import Parser
 from ..dsl.diagnostics import did_you_mean
+from . import completing
 from .common import command, parser
+from .completing import completed
 from .deploying import down, export, keys, logs, plan, restart, simulate, status, trust, up
 from .deploying.importing import import_network
 from .network import add_clock, add_overrides, network
@@ -46,6 +48,10 @@ Exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if completing.is_asked(arguments):
+        from .candidates import answer
+
+        return answer(completer, given)
     at = _command_at(given)
     if at is None:
         return _without_command(given)
@@ -54,6 +60,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options, rest = made.parse_known_intermixed_args(given)
     _refuse(rest, made, chosen.NAME)
     return chosen.run(options)
+
+
+def completer(words: Sequence[str], word: str) -> tuple[Parser, Sequence[str]]:
+    """The parser for a word behind these, and those of them that it reads."""
+    at = _command_at(words)
+    if at is not None:
+        return _parser_of(COMMANDS[words[at]]), [*words[:at], *words[at + 1 :]]
+    return _parser(words="?"), words
 
 
 def _without_command(given: Sequence[str]) -> int:
@@ -80,13 +94,15 @@ def _without_command(given: Sequence[str]) -> int:
     return up.run(options)
 
 
-def _parser() -> Parser:
+def _parser(words: str = "*") -> Parser:
+    """`words` is how many there may be, as argparse writes it."""
     made = parser("rcdeploy", "Start, watch and stop a network of components described in DDSL.", _EXAMPLES)
     made.usage = "rcdeploy [options] NET.ddsl\n       rcdeploy COMMAND ...\n       rcdeploy --import FILE [-o NET.ddsl]"
     width = max(map(len, COMMANDS))
     listed = "\n".join(f"  {name:{width}}  {each.HELP}" for name, each in COMMANDS.items())
     made.description = f"{made.description}\n\ncommands:\n{listed}"
-    made.add_argument("words", nargs="*", metavar="NET.ddsl", help="the network")
+    network = made.add_argument("words", nargs=words, metavar="NET.ddsl", help="the network")
+    completed(network, {name: each.HELP for name, each in COMMANDS.items()}, ".ddsl")
     up.add_options(made)
     made.add_argument(
         "--import",

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import keyword
-import re
 import sys
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,9 @@ from ..contract.middleware import AUTO, carrier
 from ..dsl.diagnostics import Diagnostic, Severity
 from ..errors import ConfigurationError
 from ..spelling import unknown
+from . import completing, starting
 from .common import FINE, USAGE, WRONG, add_include, command, complain, parser, show
+from .completing import What, completed
 from .progress import Progress
 
 if TYPE_CHECKING:  # if nothing has changed, the generator is not loaded
@@ -45,8 +46,6 @@ among the interfaces shipped with robocomp_py.
 
 exit status: 0 fine, 1 wrong input or (with --check) out of date, 2 usage
 """
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*\Z")
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,17 @@ class _Job:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
+    if completing.is_asked(arguments):
+        from .candidates import answer
+
+        return answer(completer, sys.argv[1:])
     with installed.asked_once(), Progress("rcgen") as progress:
         return _run(arguments, progress)
+
+
+def completer(words: Sequence[str], word: str) -> tuple[argparse.ArgumentParser, Sequence[str]]:
+    """The parser for a word behind these, and those of them that it reads."""
+    return _parser(), words
 
 
 def _run(arguments: Sequence[str] | None, progress: Progress) -> int:
@@ -134,7 +142,7 @@ def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> 
     jobs = _jobs(options.models, options.include, options.output, options.middleware, trace, progress)
     if jobs is None:
         return WRONG
-    warnings = [f"rcgen: warning: {library}; rename it" for job in jobs if (library := _library(job.root))]
+    warnings = [f"rcgen: warning: {library}; rename it" for job in jobs if (library := starting.library(job.root))]
     for warning in warnings:
         print(warning, file=sys.stderr)
     if options.check:
@@ -184,14 +192,15 @@ def _depends_on_other_folder(job: _Job) -> bool:
 
 def _parser() -> argparse.ArgumentParser:
     made = parser("rcgen", "Generate the Python of components from their CDSL, IDSL and PDSL files.", _EXAMPLES)
-    made.add_argument(
+    models = made.add_argument(
         "models",
         nargs="*",
         type=Path,
         metavar="FILE",
         help="component (.cdsl, or its folder), network (.ddsl), or with --to interface (.idsl)",
     )
-    made.add_argument("--middleware", metavar="NAME", help=_MIDDLEWARE)
+    completed(models, ".cdsl", ".ddsl", ".idsl")
+    completed(made.add_argument("--middleware", metavar="NAME", help=_MIDDLEWARE), What.MIDDLEWARE)
     made.add_argument(
         "-o", dest="output", type=Path, metavar="DIR", help="folder of the component (default: the model's)"
     )
@@ -349,22 +358,6 @@ def _unknown(middleware: str | None) -> str:
     return unknown("middleware", name, known) if name and name not in known else ""
 
 
-_NEEDED = ("jinja2", "lark", "msgpack", "numpy", "pytest", "rich", "robocomp_py")
-"""Libraries that components, their tests and their generator import, besides the middleware."""
-
-
-def _library(root: Path) -> str:
-    """Why the name of a component's folder is wrong, if it is that of an imported library; otherwise ""."""
-    from ..transports.deployment import deployments
-
-    name = root.resolve().name
-    needed = {*_NEEDED, *(module for each in deployments().values() for module, _ in each.modules)}
-    if name not in needed | sys.stdlib_module_names:
-        return ""
-    whose = "a library that components need" if name in needed else "a module of Python"
-    return f"{root} has the name of {whose}: programs started beside it would import this folder instead"
-
-
 def _check(jobs: list[_Job], progress: Progress) -> int:
     from ..codegen.write import compare
 
@@ -501,32 +494,15 @@ def _announce_stubs(job: _Job) -> bool:
 
 
 def _new(name: str, root: Path, middleware: str | None) -> int:
-    from ..codegen.generate import Artifact, Model, Owner, generate, starter, starter_specifics
-    from ..codegen.write import remove_stale, write
-    from ..dsl.format import format_text
-    from ..dsl.workspace import Workspace, read_file
+    from ..codegen.generate import starter, starter_specifics
 
-    if not _NAME.match(name):
-        return complain(f"rcgen: {name!r} is not a component name: letters, digits and single `_`, a letter first")
-    if keyword.iskeyword(name.lower()):
-        return complain(f"rcgen: {name.lower()!r} is a Python keyword; choose another name")
-    library = _library(root)
-    if library:
-        return complain(f"rcgen: {library}; choose another name, or another folder by -o DIR")
-    lower, name = name.lower(), "".join(word[:1].upper() + word[1:] for word in name.split("_"))
-    remove_stale(root)
-    if root.exists() and (not root.is_dir() or any(root.iterdir())):
-        return complain(f"rcgen: {root} exists and is not an empty folder; nothing was written")
-    models = {root / file: format_text(text, file.rpartition(".")[2]) for file, text in starter(name, lower).items()}
-    cdsl = f"{lower}.cdsl"
-    workspace = Workspace(read=lambda path: models[path].encode() if path in models else read_file(path))
-    found = workspace.component(root / cdsl)
-    assert found is not None, "the starter is right, as tests show"
-    model = Model(found.component, found.modules, cdsl, found.params, middleware or AUTO)
-    instead = starter_specifics(model, name)
-    artifacts = [Artifact(PurePosixPath(path.name), text, Owner.USER) for path, text in models.items()]
-    artifacts += [Artifact(a.path, instead.get(a.path, a.text), a.owner) for a in generate(model)]
-    write((root, artifacts))
+    lower, spelt = name.lower(), "".join(word[:1].upper() + word[1:] for word in name.split("_"))
+    specifics = partial(starter_specifics, name=spelt)
+    wrong = starting.unfit(name, root) or starting.begin(
+        root, f"{lower}.cdsl", starter(spelt, lower), specifics, middleware
+    )
+    if wrong:
+        return complain(f"rcgen: {wrong}")
     print(f"{root}/ holds a component that runs as it is:\n\n    rc run {root}\n    pytest {root}\n")
     return FINE
 

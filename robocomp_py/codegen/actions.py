@@ -67,6 +67,8 @@ def action_statement(action: Action, here: str) -> str:
         arguments.append(f"origin={quoted(action.origin)}")
     if action.feedback:
         arguments.append(f"goal={server_goal(action, here)}")
+    arguments += ["confirm=True"] if action.confirm else []
+    arguments += [f"doc={quoted(action.doc)}"] if action.doc else []
     inner = "".join(f"    {each},\n" for each in arguments)
     return f"{action_constant(action)} = _actions.Action(\n{inner})"
 

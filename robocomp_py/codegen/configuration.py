@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
+from ..contract.rosnames import camel
 from .layout import assigned, call, commented, printable, quoted, remark, spread, text, tuple_of
-from .names import camel
 from .shadows import Shadows
 
 _ROOM = 26

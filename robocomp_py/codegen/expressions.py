@@ -319,6 +319,8 @@ def _field_arguments(field: t.Field, here: str) -> Iterator[str]:
     yield contract(field.type, here)
     if field.default is not None:
         yield quoted(field.default)
+    if field.doc:
+        yield f"doc={quoted(field.doc)}"
 
 
 def member_literals(enumeration: t.Enumeration) -> list[str]:
@@ -348,6 +350,8 @@ def _operation(operation: Operation[Any], here: str, indent: int) -> str:
         arguments.append(f"raises={tuple_of(literals, inner + 7, inner)}")
     arguments += [f"pattern=Pattern.{operation.pattern.name}"] if operation.pattern else []
     arguments += ["idempotent=True"] if operation.idempotent else []
+    arguments += ["confirm=True"] if operation.confirm else []
+    arguments += [f"doc={quoted(operation.doc)}"] if operation.doc else []
     margin = " " * indent
     return "Operation(\n" + "".join(f"{margin}    {each},\n" for each in arguments) + f"{margin})"
 

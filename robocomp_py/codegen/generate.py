@@ -93,6 +93,19 @@ def starter_specifics(model: Model, name: str) -> dict[PurePosixPath, str]:
     return {PurePosixPath(path): _render(kind, component=model.component, name=name) for path, kind in kinds.items()}
 
 
+def scene_models(lower: str, scene: str, interfaces: Sequence[str]) -> dict[str, str]:
+    """The models by file name of a component that simulates a scene and provides these interfaces."""
+    published = [each for each in interfaces if each.endswith("Pub")]
+    implemented = [each for each in interfaces if each not in published]
+    values = {"lower": lower, "scene": scene, "implemented": implemented, "published": published}
+    return {f"{lower}.{kind}": _render(f"scene.{kind}.j2", **values) for kind in ("cdsl", "pdsl")}
+
+
+def scene_specifics(model: Model, scene: str) -> dict[PurePosixPath, str]:
+    """The specific part of a component that simulates a scene."""
+    return {PurePosixPath("specificworker.py"): _render("scene_worker.py.j2", scene=scene)}
+
+
 def _generic(model: Model) -> dict[str, str]:
     component = model.component
     siblings = [names.module_name(module.name) for module in model.modules]

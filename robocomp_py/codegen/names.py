@@ -141,11 +141,6 @@ def handler_class(port: Port) -> str:
     return f"{port.interface.short}Handler"
 
 
-def camel(name: str) -> str:
-    """`left_motors` → `LeftMotors`."""
-    return "".join(part[:1].upper() + part[1:] for part in re.split(r"[_\W]+", name))
-
-
 def snake(name: str) -> str:
     """A name for a Python function or module."""
     return re.sub(r"\W+", "_", name).lower()

@@ -16,7 +16,6 @@ Types are CamelCase, fields lower_snake_case, constants UPPER_SNAKE_CASE, as ROS
 
 from __future__ import annotations
 
-import keyword
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,6 +27,7 @@ from ..contract import types as t
 from ..contract.action import Action
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.module import Constant, Module
+from ..contract.rosnames import camel, field_name, package_of, snake
 from ..dsl.diagnostics import Report
 from ..dsl.idsl import model as m
 from ..dsl.source import Name, Span
@@ -35,7 +35,7 @@ from .basictypes import SPELLED
 from .exporting import Files, heading
 from .generate import Artifact
 from .layout import printable
-from .names import camel, module_of, short
+from .names import module_of, short
 
 WIDTH = 100
 
@@ -47,17 +47,6 @@ def to_rosmsg(files: Files, report: Report) -> tuple[Artifact, ...]:
         package.fill()
     _check_packages(packages, files, report)
     return tuple(artifact for package in packages if package.texts for artifact in package.artifacts())
-
-
-def package_of(module: str) -> str:
-    """`RoboCompJointMotor` → `robocomp_joint_motor`."""
-    return snake(re.sub(r"^RoboComp(?=.)", "Robocomp_", module))
-
-
-def snake(name: str) -> str:
-    """`maxSpeed` → `max_speed`, `RGBImage` → `rgb_image`."""
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
-    return re.sub("_+", "_", words).strip("_").lower()
 
 
 def _check_packages(packages: Iterable[_Package], files: Files, report: Report) -> None:
@@ -214,7 +203,7 @@ class _Package:
         renamed, seen, lines = dict[str, str](), dict[str, str](), list[str]()
         for each in fields:
             where = places.get(each.name, at)
-            name = _field_name(each.name)
+            name = field_name(each.name)
             first = seen.setdefault(name, each.name)
             if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
                 self._refuse(f"`{each.name}` is not a valid field name in ROS: it must begin with a letter", where)
@@ -341,29 +330,8 @@ class _Package:
         self.report.warning("lossy-in-rosmsg", message, at)
 
 
-def _field_name(name: str) -> str:
-    found = snake(name)
-    return f"{found}_value" if found in _KEYWORDS else found
-
-
 def _upper(name: str) -> str:
     return snake(name).upper()
-
-
-_KEYWORDS = {each.lower() for each in keyword.kwlist} | set(
-    re.findall(
-        r"\w+",
-        """
-    alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const constexpr
-    const_cast continue decltype default delete do double dynamic_cast else enum explicit export extern false float for
-    friend goto if inline int long mutable namespace new noexcept not not_eq nullptr operator or or_eq private
-    protected public register reinterpret_cast requires restrict return short signed sizeof static static_assert
-    static_cast struct switch template this thread_local throw true try typedef typeid typename union unsigned using
-    virtual void volatile wchar_t while xor xor_eq
-    """,
-    )
-)
-"""Keywords of C++ and Python, which cannot be members in the code that ROS generates."""
 
 
 def _literal(value: Any) -> str:

@@ -88,6 +88,8 @@ class Action:
     raises: tuple[ExceptionType, ...] = ()
     origin: str = ""
     """The interface that declares it, if it is inherited; "" if that is its own."""
+    confirm: bool = field(default=False, compare=False, repr=False)
+    """Whether a person is asked before a goal is sent by hand."""
     goal: type[Any] | None = field(default=None, compare=False, repr=False)
     """The generated class of what its handler gets of a goal, if it declares feedback."""
     doc: str = field(default="", compare=False, repr=False)
@@ -97,7 +99,8 @@ class Action:
     @cached_property
     def start(self) -> Operation[None]:
         inputs = (_GOAL, Field("detached", BOOL), *self.inputs)
-        return Operation(self.interface, f"{self.name}-start", inputs, (), (), Pattern.QUERY)
+        name, doc = f"{self.name}-start", self.doc
+        return Operation(self.interface, name, inputs, (), (), Pattern.QUERY, confirm=self.confirm, doc=doc)
 
     @cached_property
     def result(self) -> Operation[Any]:

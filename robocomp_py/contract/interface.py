@@ -65,6 +65,8 @@ class Operation(Generic[R]):
     raises: tuple[ExceptionType, ...] = ()
     pattern: Pattern | None = None
     idempotent: bool = False
+    confirm: bool = field(default=False, compare=False, repr=False)
+    """Whether a person is asked before it is called by hand: it stops or moves something."""
     doc: str = field(default="", compare=False, repr=False)
     source: str = field(default="", compare=False, repr=False)
     """Its declaration as the IDSL file spells it, for people."""

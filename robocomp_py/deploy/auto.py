@@ -194,6 +194,7 @@ def _end(instance: Configured, port: Port, operation: str) -> _End:
 class _Chooser:
     def __init__(self, usable: Usable) -> None:
         self._usable = usable
+        self._nearest = {near: _nearest(near) for near in Near}
         self.links: list[_Chosen] = []
         self._by_end: dict[_End, list[_Chosen]] = {}
         self._instead: Counter[tuple[str, str, str]] = Counter()
@@ -217,7 +218,7 @@ class _Chooser:
         hindered: list[tuple[str, str]] = []
         ends = link.client, link.server
         here = {Near.PROCESS: ends[0].is_with(ends[1]), Near.HOST: ends[0].host == ends[1].host}
-        for better, why in ((name, str(near)) for near in Near if here[near] for name in _nearest(near)):
+        for better, why in ((name, str(near)) for near in Near if here[near] for name in self._nearest[near]):
             hindrance = self._hindrance(better, link)
             if not hindrance:
                 self._instead.update((which, reason, better) for which, reason in hindered)
@@ -268,7 +269,7 @@ class _Chooser:
         used = {each.way.middleware for each in chosen}
         if used <= {always, *own, ""}:
             return ()
-        nearest = [each for near in Near for each in _nearest(near)]
+        nearest = [each for near in Near for each in self._nearest[near]]
         also = sorted({*own, *used} - {always, ""}, key=lambda name: (*(name != each for each in nearest), name))
         return (f"also={toml(also)}",)
 

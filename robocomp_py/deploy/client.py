@@ -5,22 +5,25 @@ Blocking, with a deadline on every wait, and quick to import. `control.py` answe
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import socket
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from ..errors import DeploymentError, HostUnreachable
+from ..runtime.records import record_of
 from ..transports.directory import runtime_dir
 from .agents import Life
 from .naming import meant
 from .place import Place
 from .policy import State
-from .ring import Line
+from .ring import MOST_LINES, Line
 from .snapshot import HostStatus, ProcessStatus, Snapshot
 from .sockets import connected
 
@@ -101,6 +104,7 @@ class Connection:
         self.network = network
         self._socket = _connect(Place(network))
         self._rest = b""
+        self._is_ended = False
 
     def __enter__(self) -> Self:
         return self
@@ -108,7 +112,16 @@ class Connection:
     def __exit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
         self._socket.close()
+
+    def end(self) -> None:
+        """Let a thread that waits for answers of this connection go on, as if the network had ended."""
+        self._is_ended = True
+        with contextlib.suppress(OSError):  # the other side has closed it
+            self._socket.shutdown(socket.SHUT_RDWR)
 
     def ask(self, do: str, **more: Any) -> dict[str, Any]:
         """Send a command. Raises DeploymentError, with the reason, if it is refused.
@@ -158,6 +171,8 @@ class Connection:
 
     def goes_on(self) -> bool:
         """After the other side has closed the connection: whether the network goes on. Then there is a new one."""
+        if self._is_ended:
+            return False
         try:
             self._connect_again(0.0)
         except (NotRunning, NoSocket):
@@ -321,13 +336,38 @@ def _longest_grace(network: str) -> float:
     return max((float(each.get("grace") or 0.0) for each in processes), default=0.0)
 
 
+def chosen_lines(
+    connection: Connection, names: Collection[str], count: int, wanted: Callable[[Line], bool], *, follow: bool
+) -> Iterator[Line]:
+    """Like `lines`, but only those for which `wanted` is true: the newest `count` of them, followed by new ones."""
+    past: deque[Line] | None = deque(maxlen=count)
+    for line in _answers(connection, names, MOST_LINES, follow=follow, mark=True):
+        if line is None:
+            yield from past or ()
+            past = None
+        elif line.name and not wanted(line):
+            continue
+        elif past is None:
+            yield line
+        else:
+            past.append(line)
+    yield from past or ()
+
+
 def lines(connection: Connection, names: Collection[str], count: int, *, follow: bool) -> Iterator[Line]:
     """The newest lines of processes, followed by new ones until the network ends.
 
     A line without a name says how many were lost.
     """
+    return (line for line in _answers(connection, names, count, follow=follow) if line)
+
+
+def _answers(
+    connection: Connection, names: Collection[str], count: int, *, follow: bool, **more: bool
+) -> Iterator[Line | None]:
+    """None at the end of the past."""
     end, heard = time.monotonic() + ANSWER_TIMEOUT_S, False
-    connection.tell("logs", names=list(names), count=count, follow=follow)
+    connection.tell("logs", names=list(names), count=count, follow=follow, **more)
     while True:
         answer = connection.answer(None if follow else ANSWER_TIMEOUT_S)
         if answer is None:
@@ -336,14 +376,16 @@ def lines(connection: Connection, names: Collection[str], count: int, *, follow:
             if heard or time.monotonic() > end:
                 raise Stuck(connection.crowded())
             time.sleep(LOOK_S)
-            connection.tell("logs", names=list(names), count=count, follow=follow)
+            connection.tell("logs", names=list(names), count=count, follow=follow, **more)
             continue
         heard = True
         if "end" in answer:
             return
-        if "dropped" in answer:
+        if "now" in answer:
+            yield None
+        elif "dropped" in answer:
             yield Line(time.time(), "", f"({answer['dropped']} lines were lost: they came faster than they were read)")
         elif "time" not in answer:
             raise _another_version()
         else:
-            yield Line(answer["time"], answer["name"], answer["line"])
+            yield Line(answer["time"], answer["name"], answer["line"], record_of(answer.get("record")))

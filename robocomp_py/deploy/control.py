@@ -5,8 +5,10 @@ Requests and answers are JSON objects, one a line. A client may send several req
     {"do": "status"}                                          {"status": {a Snapshot}}
     {"do": "restart", "names": ["laser"]}                     {"accepted": true}
     {"do": "down", "grace": 0}                                {"accepted": true}; ends when the network has
-    {"do": "logs", "names": [], "count": 20, "follow": true}  {"time": 1.5, "name": "laser", "line": "…"} for each,
-                                                              then {"dropped": 3} where some were lost, {"end": true}
+    {"do": "logs", "names": [], "count": 20, "follow": true}  {"time": 1.5, "name": "laser", "line": "…"} for each, with
+                                                              "record" if it was logged; {"now": true} after those of
+                                                              the past if asked with "mark": true; {"dropped": 3} where
+                                                              some were lost, {"end": true}
     anything wrong                                            {"error": "a sentence for people"}
 
 Clients cannot hurt the network, or each other for long:
@@ -36,7 +38,7 @@ from typing import Any, Protocol
 from ..errors import DeploymentError
 from .naming import DEPLOYER, meant
 from .policy import RestartRequested, StopRequested
-from .ring import Line
+from .ring import MOST_LINES, Line
 from .snapshot import Network
 from .sockets import listening
 
@@ -62,9 +64,6 @@ SLOW_S = 5.0
 
 BEHIND = 5000
 """Lines of output that are kept for a client that follows them too slowly."""
-
-MOST_LINES = 10000
-"""Lines of the past that are told."""
 
 _TOGETHER = 200
 """Lines that are sent at once."""
@@ -200,6 +199,8 @@ class Control:
             if request.follow:
                 following.callback(self._lines.follow(followed.take))
             await client.send(*map(_told, self._lines.last(names, request.count) if request.count else ()))
+            if request.mark:
+                await client.send({"now": True})
             if request.follow:
                 await self._follow(followed, client)
         await client.send({"end": True})
@@ -278,7 +279,8 @@ class _Followed:
 
 
 def _told(line: Line) -> Mapping[str, Any]:
-    return {"time": line.at, "name": line.name, "line": line.text}
+    told = {"time": line.at, "name": line.name, "line": line.text}
+    return told | {"record": asdict(line.record)} if line.record else told
 
 
 @dataclass(frozen=True)
@@ -288,6 +290,8 @@ class Request:
     """Instances, processes or systems; () means all."""
     count: int = 0
     follow: bool = False
+    mark: bool = False
+    """Whether the end of the past is told."""
     grace: float | None = None
 
 
@@ -314,5 +318,6 @@ _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "names": (lambda value: isinstance(value, list) and all(isinstance(n, str) for n in value), "a list of names"),
     "count": (lambda value: type(value) is int and 0 <= value <= MOST_LINES, f"a whole number up to {MOST_LINES}"),
     "follow": (lambda value: isinstance(value, bool), "true or false"),
+    "mark": (lambda value: isinstance(value, bool), "true or false"),
     "grace": (lambda value: type(value) in (int, float) and 0 <= value <= sys.float_info.max, "a number of seconds"),
 }

@@ -1,8 +1,8 @@
 """The output of a network's processes in files: one for each, rotated when it is long.
 
     logs/laser.log  laser.log.1  laser.log.2        the newest first
-    2026-03-01T12:00:00.123456+00:00 WARNING: too close      as text
-    {"time": "…", "name": "laser", "level": "warning", "text": "too close"}    as JSON, a line each
+    2026-03-01T12:00:00.123456+00:00 WARNING: too close      as text; further lines of a record begin with a tab
+    {"time": "…", "name": "laser", "level": "warning", "text": "too close", …}  as JSON, a line each, see `told`
 
 A full disk does not stop the network. It is reported once, lost lines are counted, and their number is written when
 there is room again.
@@ -15,15 +15,16 @@ import errno
 import json
 import logging
 import os
-import re
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 from ..errors import DeploymentError
+from ..runtime.records import LEVELS, Record, record_of
 from .harmless import plain
 from .place import file_name
 from .ring import Line
@@ -39,7 +40,13 @@ _ALTOGETHER = 256 << 20
 _SMALLEST, _LARGEST = 64 << 10, 8 << 20
 """Bytes of a file."""
 
-_LEVEL = re.compile(r"(DEBUG|INFO|WARNING|ERROR|CRITICAL): ")
+_ANY_NUMBER = 1 << 62
+
+_TOGETHER = "\r"
+"""Stands for _FURTHER while lines are told apart; `plain` leaves none in a file."""
+
+_FURTHER = "\n\t"
+"""Between the lines of a record, in files of text."""
 
 
 class Form(StrEnum):
@@ -113,15 +120,10 @@ class Logs:
         self._files.clear()
 
     def _written(self, line: Line) -> bytes:
-        at, name, text = line
-        text = plain(text)
-        when = datetime.fromtimestamp(at, UTC).isoformat(timespec="microseconds")
-        if self._form is Form.TEXT:
-            return f"{when} {text}\n".encode(errors="replace")
-        found = _LEVEL.match(text)
-        level = found[1].lower() if found else ""
-        told = {"time": when, "name": name, "level": level, "text": text[found.end() :] if found else text}
-        return json.dumps(told).encode() + b"\n"
+        if self._form is Form.JSON:
+            return json.dumps(told(line)).encode() + b"\n"
+        text = plain(line.text).replace("\n", _FURTHER)
+        return f"{_when(line.at)} {text}\n".encode(errors="replace")
 
     def _open(self, file: _File) -> None:
         flags = os.O_CREAT | os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW
@@ -145,13 +147,41 @@ class Logs:
                 older.replace(_numbered(file.path, number))
 
 
-def past_lines(folder: Path, names: Collection[str], count: int, since: float = 0.0) -> list[Line]:
+def told(line: Line) -> Mapping[str, Any]:
+    """A line for machines. What a component logged also has the time by its own clock, instance, place and thread."""
+    record = line.record
+    facts = {"time": _when(line.at), "name": line.name, "level": line.level.lower(), "text": plain(line.message)}
+    if record is None:
+        return facts
+    trace = {"trace": plain(record.trace)} if record.trace else {}
+    return (
+        facts
+        | trace
+        | {
+            "logged": _when(record.time),
+            "instance": plain(record.instance),
+            "logger": plain(record.logger),
+            "thread": plain(record.thread),
+            "file": plain(record.file),
+            "line": record.line,
+        }
+    )
+
+
+def past_lines(
+    folder: Path,
+    names: Collection[str],
+    count: int,
+    since: float = 0.0,
+    wanted: Callable[[Line], bool] | None = None,
+) -> list[Line]:
     """The newest lines in the files of these processes (of all, if none is named), in the order in which they came.
 
-    Lines from before `since`, which belong to an earlier run, are left out.
+    Lines from before `since`, which belong to an earlier run, are left out, and those for which `wanted` is false.
     """
-    found = [_read(name, text) for name in logged_names(folder, names) for text in _tail(folder / f"{name}.log", count)]
-    found = [line for line in found if line.at >= since]
+    read = count if wanted is None else _ANY_NUMBER
+    found = [_read(name, text) for name in logged_names(folder, names) for text in _tail(folder / f"{name}.log", read)]
+    found = [line for line in found if line.at >= since and (wanted is None or wanted(line))]
     found.sort(key=lambda line: line.at)
     return found[-count:] if count else []
 
@@ -167,13 +197,30 @@ def _read(name: str, written: str) -> Line:
     """A line of a file. A line of another program has no time and counts as the oldest."""
     if written.startswith("{"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
-            told = json.loads(written)
-            text = (f"{told['level'].upper()}: " if told["level"] else "") + str(told["text"])
-            return Line(_seconds(str(told["time"])), name, text)
+            facts = json.loads(written)
+            level, text = str(facts["level"]).upper(), str(facts["text"])
+            at = _seconds(str(facts["time"]))
+            record = _record(facts, level) if level in LEVELS else None
+            whose = f"{record.instance}: " if record and record.instance not in ("", facts["name"]) else ""
+            return Line(at, name, f"{level}: {whose}{text}" if level else text, record)
     when, _, text = written.partition(" ")
     with contextlib.suppress(ValueError):
         return Line(_seconds(when), name, text)
     return Line(0.0, name, written)
+
+
+def _record(facts: Mapping[str, Any], level: str) -> Record | None:
+    """Of a line as `told` writes it; None if it was printed."""
+    if "logged" not in facts:
+        return None
+    return record_of(
+        {name: facts.get(name) for name in ("logger", "instance", "thread", "file", "line", "text")}
+        | {"time": _seconds(str(facts["logged"])), "level": level, "trace": facts.get("trace", "")}
+    )
+
+
+def _when(at: float) -> str:
+    return datetime.fromtimestamp(at, UTC).isoformat(timespec="microseconds")
 
 
 def _seconds(when: str) -> float:
@@ -181,13 +228,14 @@ def _seconds(when: str) -> float:
 
 
 def _tail(path: Path, count: int) -> list[str]:
-    """The last lines of a file, and of those before it as far as it takes."""
+    """The last lines of a file, and of those before it as far as it takes. A record is one line here."""
     lines: list[str] = []
     for file in (path, *(_numbered(path, number) for number in range(1, KEPT + 1))):
         if len(lines) >= count:
             break
         with contextlib.suppress(OSError):
-            lines = [*file.read_bytes().decode(errors="replace").split("\n")[:-1], *lines]
+            written = file.read_bytes().decode(errors="replace").replace(_FURTHER, _TOGETHER)
+            lines = [*(each.replace(_TOGETHER, "\n") for each in written.split("\n")[:-1]), *lines]
     return lines[-count:]
 
 

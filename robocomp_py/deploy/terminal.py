@@ -28,13 +28,16 @@ from .naming import DEPLOYER
 from .place import Place, Run
 from .plan import Plan, Process
 from .policy import State
-from .ring import Line, Ring
+from .ring import Line, Ring, printed
 from .run import Options, run
 from .snapshot import Network
 from .table import Span, clock_time, summary, table
 from .telling import Display
 
 _COLOURS = ("cyan", "green", "yellow", "magenta", "blue", "bright_red", "bright_cyan", "bright_green")
+
+_STYLES = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "red"}
+"""Of the levels of log records."""
 
 _SOON_S = 0.05
 """Seconds after which new lines are shown on a terminal, all at once."""
@@ -178,8 +181,8 @@ class Terminal(Display):
             log.removeHandler(handler)
 
     def line(self, name: str, text: str) -> None:
-        style = "red" if text.startswith(("ERROR", "CRITICAL")) else "yellow" if text.startswith("WARNING") else ""
-        self._tell(Line(self._clock(), name, text), text.removeprefix("INFO: "), self._colours[name], style)
+        line = printed(self._clock(), name, text)
+        self._tell(line, line.text.removeprefix("INFO: "), self._colours[name], _STYLES.get(line.level, ""))
 
     def states(self, states: dict[str, State]) -> None:
         self._states = states
@@ -224,7 +227,8 @@ class Terminal(Display):
         self._ring.write(line)
         if self._shown:
             head = f"{line.name:>{self._width}} {self._bar} "
-            self._show((f"{clock_time(line.at)} ", "dim"), (head, colour), (shown, style))
+            for each in shown.split("\n"):
+                self._show((f"{clock_time(line.at)} ", "dim"), (head, colour), (each, style))
 
     def _show(self, *spans: Span) -> None:
         spans = tuple((harmless(text), style) for text, style in spans)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from importlib.resources import files
@@ -60,6 +61,9 @@ class Parser:
 
     def parse(self, text: str, see: Callable[[Token], object] | None = None) -> Tree[Token]:
         """The tree of a text. Passes every word to `see`; raises Unexpected at the first that does not fit."""
+        if see is None:
+            with contextlib.suppress(UnexpectedInput):  # the next attempt explains it
+                return self._lark.parse(text)
         state, last = self._lark.parse_interactive(text), None
         try:
             for last in state.iter_parse():

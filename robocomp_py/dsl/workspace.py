@@ -45,6 +45,7 @@ from .idsl.check import qualified
 from .idsl.link import link as link_idsl
 from .idsl.model import File as IdslFile
 from .idsl.parser import parse as parse_idsl
+from .innermodel.check import check as check_innermodel
 from .memory import Memory
 from .pdsl.check import check as check_pdsl
 from .pdsl.link import link as link_pdsl
@@ -183,6 +184,8 @@ class Workspace:
                 self.deployment(path)
             case ".smdsl" | ".scxml":
                 self.statemachine(path)
+            case ".xml" if self._exists(path):
+                check_innermodel(path, self.read, self.report)
             case _ if not self._exists(path):
                 self.source(path)  # reports it
             case _:
@@ -361,7 +364,7 @@ class Workspace:
         key = os.path.realpath(path)
         if key not in self._idsl:
             self._reading.append(key)
-            with _no_collection():
+            with no_collection():
                 self._idsl[key] = self._read_idsl(path)
             self._reading.pop()
         return self._idsl[key]
@@ -543,7 +546,7 @@ _MACHINES = (".smdsl", ".scxml")
 
 
 @contextmanager
-def _no_collection() -> Iterator[None]:
+def no_collection() -> Iterator[None]:
     """While entered, garbage collection is off: models hold no cycles, and collecting slows down as they grow."""
     enabled = gc.isenabled()
     gc.disable()

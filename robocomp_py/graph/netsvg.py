@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ..transports.deployment import deployment_of
 from .layers import Arrow, Box, Layout, Point, Route, layered, turned
-from .network import Around, Edge, Graph, Group, Node
+from .network import Around, Edge, Graph, Group, Mark, Node
 from .svg import curve, document, escaped, marker, moved
 
 _LETTER, _SMALL, _LINE = 8.2, 6.3, 13.0
@@ -18,7 +18,12 @@ _LEGEND = 34.0
 _MOST = 5
 """Maximum number of interfaces at an arrow; the rest is counted."""
 
+_ROOM = 25
+"""Letters for which figures get room, so that a picture keeps its form while they change."""
+
 _UNKNOWN = "#51657b"
+_MARKED = {Mark.MISSING: "#e0002b", Mark.UNDECLARED: "#8793a0"}
+_NAMED = {Mark.MISSING: "missing", Mark.UNDECLARED: "not in the model"}
 
 _STYLE = """\
   text { font: 13px "DejaVu Sans", Verdana, Arial, sans-serif; fill: #16283c; text-anchor: middle }
@@ -36,6 +41,16 @@ _STYLE = """\
   rect.behind.system { fill: #fff }
   path { fill: none; stroke-width: 1.5 }
   path.topic { stroke-dasharray: 5 4 }
+"""
+
+_LIVE_STYLE = f"""\
+  text.figures {{ font-size: 10px; fill: #2d3e50 }}
+  rect.missing {{ fill: #fdecec; stroke: {_MARKED[Mark.MISSING]}; stroke-width: 2 }}
+  path.missing {{ stroke-width: 2.5 }}
+  text.missing {{ fill: {_MARKED[Mark.MISSING]}; font-weight: bold }}
+  rect.undeclared {{ fill: #f3f4f6; stroke: {_MARKED[Mark.UNDECLARED]}; stroke-dasharray: 2 3 }}
+  path.undeclared {{ stroke-dasharray: 2 3 }}
+  path.strained, rect.strained {{ stroke-width: 3.5 }}
 """
 
 
@@ -76,6 +91,7 @@ class _Drawing:
         """An instance, and the groups around it, the innermost first."""
         self._paths: dict[str, tuple[str, ...]] = {}
         """The keys of the areas around an instance and its own, outermost first."""
+        self._numbers = {node: number for number, node in enumerate(graph.root.nodes())}
         self._root = self._area(graph.root, (), ())
 
     def _area(self, what: Group | Node, path: tuple[str, ...], around: tuple[_Area, ...]) -> _Area:
@@ -93,14 +109,23 @@ class _Drawing:
         self._arrange(self._root, (), [])
         self._put(self._root, (_MARGIN, _MARGIN))
         self._tips = self._fanned()
-        carried = list(dict.fromkeys(edge.middleware for edge in self._graph.edges if edge.middleware))
-        legend = list(self._legend(carried))
-        width = max(self._root.size[0], sum(len(each) * _SMALL + 56 for each in carried) + 180 if legend else 0)
+        carried = list(
+            dict.fromkeys(edge.middleware for edge in self._graph.edges if edge.middleware and not edge.mark)
+        )
+        shown: list[Edge | Node] = [*self._graph.edges, *self._numbers]
+        marks = list(dict.fromkeys(each.mark for each in shown if each.mark))
+        legend = list(self._legend(carried, marks))
+        told = [*carried, *(_NAMED[mark] for mark in marks)]
+        width = max(self._root.size[0], sum(len(each) * _SMALL + 56 for each in told) + 180 if legend else 0)
         height = self._root.size[1] + (_LEGEND if legend else 0)
-        body = [*self._boxes(self._root), *map(self._arrow, self._graph.edges)]
+        body = [*self._boxes(self._root), *(self._arrow(number) for number in range(len(self._graph.edges)))]
         body += [*self._titles(self._root), *self._labels(self._root), *legend]
-        tips = "".join(marker(_tip(colour), colour) for colour in dict.fromkeys(map(_colour, carried)))
-        return document(self._graph.name, _STYLE, (width + 2 * _MARGIN, height + 2 * _MARGIN), body, tips)
+        colours = [*map(_colour, carried), *(_MARKED[mark] for mark in marks)]
+        tips = "".join(marker(_tip(colour), colour) for colour in dict.fromkeys(colours))
+        live = any(each.mark or each.figures for each in shown)
+        return document(
+            self._graph.name, _STYLE + _LIVE_STYLE * live, (width + 2 * _MARGIN, height + 2 * _MARGIN), body, tips
+        )
 
     # Sizes and places.
 
@@ -108,7 +133,12 @@ class _Drawing:
         """Place everything in it. `leaving` are the ends of arrows that must reach its border."""
         if isinstance(area.what, Node):
             texts = len(area.what.short) * _LETTER, len(area.what.component) * _SMALL
-            area.size = (max(84.0, max(texts) + 24), _BOX)
+            figures = [_ROOM * _SMALL] if area.what.figures else []
+            size = (
+                max(84.0, max(*texts, *figures) + 24),
+                _BOX + (_LINE * len(area.what.figures) + 4) * bool(area.what.figures),
+            )
+            area.size = size
             return
         edges = [edge for edge in self._graph.edges if self._around(edge) == path]
         arrows = [Arrow(*self._ends(edge, len(path)), _label_size(edge)) for edge in edges]
@@ -194,15 +224,17 @@ class _Drawing:
                 found[edge, end] = (x + width * share, y + height if bottom else y)
         return found
 
-    def _arrow(self, edge: Edge) -> str:
+    def _arrow(self, number: int) -> str:
+        edge = self._graph.edges[number]
         (out, common), (into, _) = self._leg(edge, 0), self._leg(edge, 1)
         route = moved(common.routes[edge], *common.corner)
         beside = (out[-1][0], route.borders[0]), (into[-1][0], route.borders[1])
         points = [*out, beside[0], *route.points, beside[1], *reversed(into)]
-        kind = ' class="topic"' if edge.topic else ""
-        colour = _colour(edge.middleware)
+        classes = _classes("topic" * edge.topic, edge)
+        colour = _colour_of(edge)
         return (
-            f'<path{kind} d="{curve(points)}" stroke="{colour}" marker-end="url(#{_tip(colour)})">'
+            f'<path{classes}{_id("edge", number, edge)} d="{curve(points)}"'
+            f' stroke="{colour}" marker-end="url(#{_tip(colour)})">'
             f"<title>{escaped(_tooltip(edge))}</title></path>"
         )
 
@@ -228,12 +260,17 @@ class _Drawing:
         place = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"'
         if isinstance(what, Node):
             middle, alone = x + width / 2, what.component.lower() == what.short.lower()
-            yield f'<rect {place} rx="7"><title>{escaped(what.name)}</title></rect>'
+            number = self._numbers[what]
+            shape = f"{_classes('', what)}{_id('node', number, what)}".lstrip()
+            shape += " " * bool(shape)
+            yield f'<rect {shape}{place} rx="7"><title>{escaped(what.name)}</title></rect>'
             line = y + (28 if alone else 20)
             yield f'<text class="name" x="{middle:.1f}" y="{line:.1f}">{escaped(what.short)}</text>'
             if not alone:
                 said = escaped(what.component)
                 yield f'<text class="component" x="{middle:.1f}" y="{y + 36:.1f}">{said}</text>'
+            for at, text in enumerate(what.figures):
+                yield _figures(f"node-{number}-{at}", what.mark, middle, y + _BOX + 4 + _LINE * at, text)
             return
         if what.kind is not Around.NETWORK:
             yield f'<rect class="{what.kind}" {place} rx="9"/>'
@@ -251,6 +288,7 @@ class _Drawing:
             yield f'<text class="title" x="{x + 12:.1f}" y="{y + 18:.1f}">{kind} {escaped(group.title)}</text>'
 
     def _labels(self, root: _Area) -> Iterator[str]:
+        numbers = {edge: number for number, edge in enumerate(self._graph.edges)}
         for area in _every(root):
             for edge, route in area.routes.items():
                 x, y = route.label[0] + area.corner[0], route.label[1] + area.corner[1]
@@ -259,16 +297,21 @@ class _Drawing:
                     f'<rect class="label" x="{x - width / 2:.1f}" y="{y - height / 2:.1f}" width="{width:.1f}"'
                     f' height="{height:.1f}"/>'
                 )
-                for number, text in enumerate(_label(edge)):
-                    down = y - height / 2 + _LINE * (number + 0.8)
+                lines = _label(edge)
+                for line, text in enumerate(lines):
+                    down = y - height / 2 + _LINE * (line + 0.8)
                     yield f'<text class="label" x="{x:.1f}" y="{down:.1f}">{escaped(text)}</text>'
+                for line, text in enumerate(edge.figures):
+                    down = y - height / 2 + _LINE * (len(lines) + line + 0.8)
+                    yield _figures(f"edge-{numbers[edge]}-{line}", edge.mark, x, down, text)
 
-    def _legend(self, carried: list[str]) -> Iterator[str]:
+    def _legend(self, carried: list[str], marks: list[Mark]) -> Iterator[str]:
         if not self._graph.edges:
             return
         x, y = _MARGIN, _MARGIN + self._root.size[1] + _LEGEND - 4
         entries = [("calls", "", _UNKNOWN), ("topic", ' class="topic"', _UNKNOWN)]
         entries += [(name, "", _colour(name)) for name in carried]
+        entries += [(_NAMED[mark], f' class="{mark}"', _MARKED[mark]) for mark in marks]
         for text, kind, colour in entries:
             yield (
                 f'<path{kind} d="M{x:.1f} {y - 4:.1f} h26" stroke="{colour}"'
@@ -294,17 +337,38 @@ def _label(edge: Edge) -> list[str]:
 
 def _label_size(edge: Edge) -> Point:
     lines = _label(edge)
-    return max(map(len, lines)) * _SMALL, _LINE * len(lines) + 2
+    letters = max(max(map(len, lines)), _ROOM if edge.figures else 0)
+    return letters * _SMALL, _LINE * (len(lines) + len(edge.figures)) + 2
 
 
 def _tooltip(edge: Edge) -> str:
     verb = "publishes to" if edge.topic else "calls"
     over = f", over {edge.middleware}" if edge.middleware else ""
-    return f"{edge.source} {verb} {edge.target}: {', '.join(edge.interfaces)}{over}"
+    mark = f" ({_NAMED[edge.mark]})" if edge.mark else ""
+    return f"{edge.source} {verb} {edge.target}: {', '.join(edge.interfaces)}{over}{mark}"
 
 
 def _colour(middleware: str) -> str:
     return deployment_of(middleware).colour if middleware else _UNKNOWN
+
+
+def _colour_of(edge: Edge) -> str:
+    return _MARKED[edge.mark] if edge.mark else _colour(edge.middleware)
+
+
+def _classes(kind: str, what: Edge | Node) -> str:
+    words = [word for word in (kind, str(what.mark), "strained" * what.is_strained) if word]
+    return f' class="{" ".join(words)}"' if words else ""
+
+
+def _id(kind: str, number: int, what: Edge | Node) -> str:
+    """By which a page finds what it changes in the picture; nothing if it changes nothing."""
+    return f' id="{kind}-{number}"' if what.figures else ""
+
+
+def _figures(name: str, mark: Mark, x: float, y: float, text: str) -> str:
+    words = f"figures {mark}".rstrip()
+    return f'<text class="{words}" id="{name}" x="{x:.1f}" y="{y:.1f}">{escaped(text)}</text>'
 
 
 def _tip(colour: str) -> str:

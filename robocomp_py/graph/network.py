@@ -6,7 +6,7 @@ process that several share.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -14,6 +14,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..deploy.plan import Link, Plan
     from ..deploy.process import Process
+
+
+class Mark(StrEnum):
+    """What a picture of a running network says about an instance or an arrow."""
+
+    NONE = ""
+    MISSING = "missing"
+    """It is declared, and not there."""
+    UNDECLARED = "undeclared"
+    """It is there, and the network does not declare it."""
 
 
 class Around(StrEnum):
@@ -30,6 +40,11 @@ class Node:
     name: str
     """The whole one, with its systems."""
     component: str
+    mark: Mark = Mark.NONE
+    figures: tuple[str, ...] = ()
+    """What was measured, in lines below the names."""
+    is_strained: bool = False
+    """Whether it should be looked at: it does not answer, for example."""
 
     @property
     def short(self) -> str:
@@ -60,6 +75,11 @@ class Edge:
     middleware: str
     """What carries it; nothing if that is not known from here."""
     interfaces: tuple[str, ...]
+    mark: Mark = Mark.NONE
+    figures: tuple[str, ...] = ()
+    """What was measured, in lines below the interfaces."""
+    is_strained: bool = False
+    """Whether it loses something, fails, or is near a deadline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +89,22 @@ class Graph:
     edges: tuple[Edge, ...]
 
 
-def graph_of(plan: Plan) -> Graph:
-    root = Group(Around.NETWORK, plan.name)
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A process, and what is around it."""
+
+    nodes: tuple[Node, ...]
+    host: str = ""
+    """Its title; "" if no host is drawn."""
+    systems: tuple[str, ...] = ()
+    process: str = ""
+    """Its title; "" if it is not drawn."""
+
+
+def nested(name: str, places: Iterable[Place]) -> Group:
+    """Instances within processes, systems and hosts."""
+    root = Group(Around.NETWORK, name)
     groups: dict[tuple[str, ...], Group] = {}
-    addresses = {host.name: host.address for host in plan.hosts}
 
     def group(key: tuple[str, ...], kind: Around, title: str, outer: Group) -> Group:
         if key not in groups:
@@ -80,20 +112,37 @@ def graph_of(plan: Plan) -> Graph:
             outer.inner.append(groups[key])
         return groups[key]
 
-    for process in plan.processes:
+    for place in places:
         inside = root
-        key: tuple[str, ...] = (process.host,)
-        if plan.hosts:
-            address = addresses.get(process.host, "")
-            title = f"{process.host} ({address})" if address not in ("", process.host) else process.host
-            inside = group(key, Around.HOST, title or "this machine", inside)
-        for system in process.system:
+        key: tuple[str, ...] = (place.host,)
+        if place.host:
+            inside = group(key, Around.HOST, place.host, inside)
+        for system in place.systems:
             key = (*key, system)
             inside = group(key, Around.SYSTEM, system, inside)
-        if process.members:
-            inside = group((*key, "", process.name), Around.PROCESS, process.name.rpartition("/")[2], inside)
-        inside.inner += _nodes(process)
-    return Graph(plan.name, root, tuple(_edges(plan)))
+        if place.process:
+            inside = group((*key, "", place.process), Around.PROCESS, place.process, inside)
+        inside.inner += place.nodes
+    return root
+
+
+def graph_of(plan: Plan) -> Graph:
+    addresses = {host.name: host.address for host in plan.hosts}
+    places = (
+        Place(
+            tuple(_nodes(process)),
+            host_title(process.host, addresses.get(process.host, "")) if plan.hosts else "",
+            process.system,
+            process.name.rpartition("/")[2] if process.members else "",
+        )
+        for process in plan.processes
+    )
+    return Graph(plan.name, nested(plan.name, places), tuple(_edges(plan)))
+
+
+def host_title(name: str, address: str) -> str:
+    """A host for people; "" is the machine that launches the network."""
+    return (f"{name} ({address})" if address not in ("", name) else name) or "this machine"
 
 
 def _nodes(process: Process) -> list[Node]:

@@ -70,9 +70,14 @@ Counter.__contract__ = Struct(
     "RoboCompLockstep::Counter",
     (
         Field("way", Way.__contract__),
-        Field("channels", Sequence(STRING)),
+        Field(
+            "channels",
+            Sequence(STRING),
+            doc="one, unless a subscription hears several publishers",
+        ),
     ),
     Counter,
+    doc="Something that a component counts.",
 )
 
 CounterList: TypeAlias = list[Counter]
@@ -96,12 +101,21 @@ class Report:
 Report.__contract__ = Struct(
     "RoboCompLockstep::Report",
     (
-        Field("due", INT64),
-        Field("settled", BOOL),
-        Field("version", INT32),
-        Field("numbers", Sequence(INT64)),
+        Field("due", INT64, doc="when it has something to do next"),
+        Field("settled", BOOL, doc="whether all its threads wait"),
+        Field(
+            "version",
+            INT32,
+            doc="another one when its counters are others, or it was restarted",
+        ),
+        Field(
+            "numbers",
+            Sequence(INT64),
+            doc="of messages so far, or of calls in progress, in the order of its counters",  # noqa: E501, RUF100
+        ),
     ),
     Report,
+    doc="How a component is at an instant.",
 )
 
 _LockstepLeader_join: Operation[None] = Operation(
@@ -111,6 +125,7 @@ _LockstepLeader_join: Operation[None] = Operation(
         Field("instance", STRING),
         Field("now", INT64),
     ),
+    doc="Take part from the next instant on. `now` is the time that its clock shows.",
 )
 _LockstepLeader_hasJoined: Operation[bool] = Operation(
     "RoboCompLockstep::LockstepLeader",
@@ -118,11 +133,13 @@ _LockstepLeader_hasJoined: Operation[bool] = Operation(
     inputs=(Field("instance", STRING),),
     outputs=(Field("ret", BOOL),),
     idempotent=True,
+    doc="Whether this instance takes part.",
 )
 _LockstepLeader_leave: Operation[None] = Operation(
     "RoboCompLockstep::LockstepLeader",
     "leave",
     inputs=(Field("instance", STRING),),
+    doc="Take part no longer.",
 )
 LOCKSTEPLEADER_INTERFACE = Interface(
     "RoboCompLockstep::LockstepLeader",
@@ -139,6 +156,7 @@ _LockstepFollower_step: Operation[Report] = Operation(
     inputs=(Field("now", INT64),),
     outputs=(Field("ret", Report.__contract__),),
     idempotent=True,
+    doc="Do all that is due until this instant. It may come back before that is done.",
 )
 _LockstepFollower_look: Operation[Report] = Operation(
     "RoboCompLockstep::LockstepFollower",
@@ -146,12 +164,14 @@ _LockstepFollower_look: Operation[Report] = Operation(
     inputs=(Field("last", Report.__contract__),),
     outputs=(Field("ret", Report.__contract__),),
     idempotent=True,
+    doc="Wait until its report differs from the last one, but not long.",
 )
 _LockstepFollower_counters: Operation[CounterList] = Operation(
     "RoboCompLockstep::LockstepFollower",
     "counters",
     outputs=(Field("ret", Sequence(Counter.__contract__)),),
     idempotent=True,
+    doc="What the numbers of its reports count. Those without channels are no longer used.",  # noqa: E501, RUF100
 )
 LOCKSTEPFOLLOWER_INTERFACE = Interface(
     "RoboCompLockstep::LockstepFollower",

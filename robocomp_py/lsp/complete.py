@@ -65,7 +65,7 @@ class _Block:
     words: list[str] = field(default_factory=list)
 
 
-_RECORDS = ["[", "records", "]"]
+_MARKS = (["[", "records", "]"], ["[", "confirm", "]"])
 
 
 @dataclass
@@ -82,10 +82,12 @@ class _Place:
 
     @property
     def words(self) -> list[str]:
-        """The words of the statement up to the cursor; without `[records]`."""
+        """The words of the statement up to the cursor; without `[records]` and `[confirm]`."""
         words = self.blocks[-1].words
-        at = next((place for place in range(len(words)) if words[place : place + 3] == _RECORDS), None)
-        return words if at is None else words[:at] + words[at + 3 :]
+        for mark in _MARKS:
+            at = next((place for place in range(len(words)) if words[place : place + 3] == mark), None)
+            words = words if at is None else words[:at] + words[at + 3 :]
+        return words
 
     @property
     def first(self) -> str:

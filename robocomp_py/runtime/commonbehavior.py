@@ -36,7 +36,9 @@ class CommonBehavior:
         status: Callable[[], Status],
         machine: Machine | None = None,
     ) -> None:
-        self._worker, self._params, self._held, self._machine = worker, params, held, machine
+        self._worker, self.params, self._held, self._machine = worker, params, held, machine
+        self.revision = 0
+        """How often the parameters have changed."""
         self._status = status
         self._spec = worker.component.params
         self._born = time.monotonic()
@@ -58,7 +60,7 @@ class CommonBehavior:
     def CommonBehavior_getParameterList(self) -> ParameterList:
         return {
             dotted(key): Parameter(editable=parameter.dynamic, value=str(value), type=type(value).__name__)
-            for key, parameter, value in (flat(self._spec, self._params) if self._spec else ())
+            for key, parameter, value in (flat(self._spec, self.params) if self._spec else ())
         }
 
     def CommonBehavior_setParameterList(self, l: ParameterList) -> None:  # noqa: E741 - the IDSL's name
@@ -75,7 +77,7 @@ class CommonBehavior:
     def _change(self, spec: ParameterSet, texts: Mapping[str, str]) -> None:
         if self._is_changing:  # paramsChanged waits for a reply, and may still reject its change
             raise ConfigurationError("another change of parameters is in progress; try again later")
-        values, changed, complaints = change(spec, self._params, texts)
+        values, changed, complaints = change(spec, self.params, texts)
         if complaints:
             raise ConfigurationError("\n".join(f"{each.path}: {each.message}" for each in complaints))
         if changed:
@@ -95,7 +97,8 @@ class CommonBehavior:
             raise
         finally:
             self._is_changing = False
-        self._params = values
+        self.params = values
+        self.revision += 1
 
     def CommonBehavior_reloadConfig(self) -> None:
         raise PermissionError("a running component cannot reload its configuration; restart it")

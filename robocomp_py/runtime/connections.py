@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..contract.component import Port
@@ -27,8 +28,9 @@ from ..transports.base import (
     wait_connected,
 )
 from ..wire import names
-from . import ports
-from .commonbehavior import CommonBehavior, port_of
+from . import commonbehavior, introspecting, ports
+from .commonbehavior import CommonBehavior
+from .introspecting import Introspection
 from .introspection import Bound
 
 if TYPE_CHECKING:
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
     from .instances import Entry, NamedInstances
     from .monitor import Monitor
     from .settings import Settings, Way
-    from .tally import Tally
     from .watching import Watched, Watching
     from .worker import Worker
 
@@ -68,7 +69,6 @@ class Connections:
         wanted: Callable[[], bool],
         monitor: Monitor,
         watching: Watching,
-        tally: Tally,
         counts: Counts | None = None,
         differs: Callable[[str], object] = lambda text: None,
         goals_need: Callable[[], Surroundings] | None = None,
@@ -79,7 +79,7 @@ class Connections:
         `goals_need` is given if there are actions.
         """
         self._worker, self._settings, self._component = worker, settings, worker.component
-        self._monitor, self._watching, self._tally, self._counts = monitor, watching, tally, counts
+        self._monitor, self._watching, self._counts = monitor, watching, counts
         self._transports = _Transports(settings, find, wanted)
         self.goals: Goals | None = None
         """What is done for its actions, if it has some."""
@@ -107,10 +107,12 @@ class Connections:
         self._is_ready = False
         self._told: float | None = None
 
-    def open(self, behavior: CommonBehavior) -> None:
-        """Open all links. `behavior` serves CommonBehavior, unless the component implements that itself."""
+    def open(self, behavior: CommonBehavior, introspection: Introspection) -> None:
+        """Open all links. The arguments serve CommonBehavior and Introspection, unless the component implements these
+        itself."""
         with self._transports.gathering():
-            self._bind_all(behavior)
+            self._bind_own(behavior, introspection)
+            self._bind_all()
         self._begin_instances()
         self._missing = deque(self._required)
         self._begun = time.monotonic()
@@ -207,6 +209,7 @@ class Connections:
             self._counts.drop(entry.counters)
         for watched in entry.watched:
             self._watching.leave(watched)
+        self._monitor.tallies.drop(entry.links)
         ports.close_all(entry.links)
 
     def serve(self, port: Port, handlers: object) -> None:
@@ -230,9 +233,25 @@ class Connections:
         def close() -> None:
             with self._changing:
                 self._proxied = [each for each in self._proxied if each not in links]
+            self._monitor.tallies.drop(links)
             ports.close_all(links)
 
         return proxy, close
+
+    def publish(self, port: Port) -> tuple[Any, Callable[[], None]]:
+        """A proxy for a published interface that is not one of the component's own, and what closes its links.
+
+        Its messages are not counted. The links are not closed otherwise.
+        """
+        links: list[Link] = []
+        try:
+            with self._changing:
+                proxy, _ = ports.bind_proxy(port, self._route, self._monitor, links=links)
+        except BaseException:  # Ctrl-C, too: no link stays open
+            ports.close_all(links)
+            raise
+        self._monitor.tallies.drop(links)
+        return proxy, partial(ports.close_all, links)
 
     def close_links(self) -> None:
         for instances in self._instances:
@@ -249,10 +268,8 @@ class Connections:
     def close(self) -> None:
         self._transports.close()
 
-    def _bind_all(self, behavior: CommonBehavior) -> None:
-        provided = [port for port in self._component.ports if port.verb.provides]
-        wanted = [port for port in self._component.ports if not port.verb.provides]
-        own = port_of(self._component)
+    def _bind_own(self, behavior: CommonBehavior, introspection: Introspection) -> None:
+        own = commonbehavior.port_of(self._component)
         if own:
             try:
                 self._links += ports.bind_handlers(own, behavior, self._route, self._monitor, lazy=True)
@@ -262,6 +279,15 @@ class Connections:
                     f"an instance `{name}` is already running; stop it, or give this one another name: with --name, "
                     f"or in the .ddsl of its network ({exc})"
                 ) from exc
+        told = introspecting.port_of(self._component)
+        if told:
+            claimed = [self._carrier(self._settings.port(own, "").middleware)] if own else ()
+            bind = partial(ports.bind_handlers, told, introspection, self._route, self._monitor)
+            self._links += bind(lazy=True, claimed=claimed)
+
+    def _bind_all(self) -> None:
+        provided = [port for port in self._component.ports if port.verb.provides]
+        wanted = [port for port in self._component.ports if not port.verb.provides]
         for port in (*provided, *wanted):
             if port.each:
                 continue
@@ -287,7 +313,6 @@ class Connections:
 
         if port.verb.has_proxy:
             proxy, links = ports.bind_proxy(port, route, self._monitor, self._watching)
-            self._tally.watch(port, proxy)
             if self._counts:
                 self._counts.proxy(port, proxy, routes)
             setattr(self._worker, port.attribute, proxy)
@@ -417,7 +442,8 @@ class _Transports:
         if name not in self._open:
             options: Mapping[str, Any] = self._settings.transports.get(name, {})
             try:
-                config = TransportConfig(options, self._settings.instance, self._wanted)
+                owner = names.whole(self._settings.instance, self._settings.namespace)[1:]
+                config = TransportConfig(options, owner, self._wanted)
                 self._open[name] = self._find(name)(config)
             except ConfigurationError as exc:
                 raise ConfigurationError(f"transports.{name}: {exc}") from exc

@@ -46,6 +46,7 @@ def effective(component: Component, settings: Settings, document: Document, midd
         look.value(("component", "log"), settings.log),
         look.value(("component", "startup_timeout"), settings.startup_timeout),
         *([] if settings.watchdog is None else [look.value(("component", "watchdog"), settings.watchdog)]),
+        *([look.value(("component", "diary"), settings.diary)] if settings.diary else []),
     ]
     if component.timers:
         found.append(Table(("timers",)))

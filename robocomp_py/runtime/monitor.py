@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol
 from ..errors import Closed
 from ..threads import Pool, start_thread
 from ..transports.base import about_to_block
+from .tally import Tallies
 
 log = logging.getLogger("robocomp.worker")
 
@@ -43,25 +44,6 @@ MAX_CONCURRENT = 64
 
 MAX_WAITING = 1024
 """Maximum number of queued requests; further ones are answered with BUSY."""
-
-
-class Gauge:
-    """The number of requests answered, and the duration of the slowest. Not locked: concurrent calls of `note` may be
-    counted once."""
-
-    def __init__(self) -> None:
-        self._answered, self._slowest_s = 0, 0.0
-
-    def note(self, seconds: float) -> None:
-        self._answered += 1
-        if seconds > self._slowest_s:
-            self._slowest_s = seconds
-
-    def take(self) -> tuple[int, float]:
-        """The values since the last call of this method."""
-        taken = self._answered, self._slowest_s
-        self._answered, self._slowest_s = 0, 0.0
-        return taken
 
 
 class Workers(Protocol):
@@ -139,7 +121,9 @@ class Monitor:
         self._closed = False
         self._turns = 0
         """How often a thread has left or was suspended."""
-        self.gauge = Gauge()
+        self._at_end: list[Callable[[], object]] = []
+        self.tallies = Tallies()
+        """What is counted of the messages of the component."""
         self._pool = self._threads.pool(name, MAX_SUSPENDED + 8, lambda: bool(self._queue), self._freed)
         self._concurrent_pool = self._threads.pool(f"{name}-concurrent", CONCURRENT_THREADS, bool, bool)
 
@@ -156,6 +140,10 @@ class Monitor:
         self._concurrent_pool.close()
         self._pool.close()
 
+    def at_end(self, callback: Callable[[], object]) -> None:
+        """Call this, on any thread, whenever `turn_away` is called: it may be twice."""
+        self._at_end.append(callback)
+
     def turn_away(self) -> None:
         """Refuse everything queued now or later, except suspended threads that return, and `early` ones."""
         refused: list[Refused | None] = []
@@ -170,7 +158,7 @@ class Monitor:
                 else:
                     entry.refused = True
                     entry.called.release()
-        for each in refused:
+        for each in (*refused, *self._at_end):
             _call_back(each)
 
     @property
@@ -183,6 +171,12 @@ class Monitor:
         """Whether no thread is inside or queued, and no job."""
         with self._state:
             return self._inside is None and not self._queue
+
+    @property
+    def load(self) -> tuple[int, int]:
+        """How many threads and jobs wait to enter, and how many threads are suspended."""
+        with self._state:
+            return len(self._queue), self._suspended
 
     @property
     def is_inside(self) -> bool:

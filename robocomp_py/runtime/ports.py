@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import CancelledError, Future
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -36,9 +36,12 @@ from .calls import Call, Handler
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
+from .tally import Finish, Tally
 from .watching import Watched
 
 log = logging.getLogger("robocomp.worker")
+
+_now = time.monotonic
 
 R = TypeVar("R")
 M = TypeVar("M")
@@ -66,6 +69,12 @@ class Route:
 
 
 Router = Callable[[Port, Operation[Any]], Route]
+
+_OK = Status.OK
+"""A global name: to look up a member of an enumeration takes longer than to read the clock."""
+
+_TAKEN, _FAILED = Reply(Status.OK), Reply(Status.FAILED)
+"""The outcomes of a command, for those who watch calls."""
 
 
 class Watches(Protocol):
@@ -180,14 +189,18 @@ def bind_proxy(
             caller = route.transport.caller(channel)
             if operation.idempotent:
                 caller = Retrying(caller, ending=lambda: monitor.closed)
-            bound[operation.name] = BoundQuery(call, caller, monitor, route.deadline)
+            tally = Tally(port, operation, pattern, route)
+            bound[operation.name] = BoundQuery(call, caller, monitor, route.deadline, tally)
             links.append(caller)
+            monitor.tallies.add(tally, caller)
         else:
             ways = []
             for each in route.all:
                 outlet = each.transport.outlet(checked_channel(each, operation, pattern))
                 links.append(outlet)
-                ways.append(BoundSend(Call(operation, each.transport.codec), outlet, route.deadline))
+                tally = Tally(port, operation, pattern, each)
+                monitor.tallies.add(tally, outlet)
+                ways.append(BoundSend(Call(operation, each.transport.codec), outlet, route.deadline, tally))
             sent = ways[0] if len(ways) == 1 else FanOut(ways, route.deadline)
             watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
             bound[operation.name] = WatchedSend(sent, watched, route.channel) if watched else sent
@@ -209,16 +222,19 @@ def bind_handlers(
     outside: bool = False,
     links: list[Link] | None = None,
     signed: bool = False,
+    claimed: Iterable[str] = (),
 ) -> list[Link]:
     """Connect a port whose messages call a worker; return the links. About `links` see `bind_proxy`.
 
-    If `lazy`, codecs are compiled at first use. If `signed`, handlers may ask for their caller.
+    If `lazy`, the interface is one of the framework, which is rarely called: codecs are compiled at first use, and
+    messages are not counted. If `signed`, handlers may ask for their caller. Over the middlewares in `claimed`, the
+    component has claimed its name already.
 
     If `outside`, handlers are not part of the component: they run at once, on the thread that receives, and call
     `about_to_block` before they wait.
     """
     links = [] if links is None else links
-    claimed: set[str] = set()
+    claimed = set(claimed)
     kind: type[Handler] = Handler
     if signed:
         from .callers import SignedHandler as kind  # only components that ask for their callers need it
@@ -232,7 +248,8 @@ def bind_handlers(
             answering = kind(operation, route.transport.codec, method)
             if not lazy:
                 answering.compile()
-            handling = BoundHandler(answering, monitor, port.concurrent, turn, outside)
+            tally = Tally(port, operation, pattern, route)
+            handling = BoundHandler(answering, monitor, tally, port.concurrent, turn, outside)
             if pattern is not Pattern.PUBLISH:  # the claim of an interface's first operation covers the others
                 channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
@@ -247,6 +264,8 @@ def bind_handlers(
                     watched.add(link)
             handling.count_in(link.stats)
             links.append(link)
+            if not lazy and not outside:
+                monitor.tallies.add(tally, link)
     return links
 
 
@@ -267,32 +286,66 @@ def type_of(operation: Operation[Any], pattern: Pattern) -> TypeRef:
 class BoundQuery:
     """A query that is connected to its server."""
 
-    def __init__(self, call: Call[Any], caller: Caller, monitor: Monitor, deadline: float) -> None:
+    def __init__(self, call: Call[Any], caller: Caller, monitor: Monitor, deadline: float, tally: Tally) -> None:
         self._call, self._caller, self._monitor, self._deadline = call, caller, monitor, deadline
+        self._tally, self._note = tally, tally.latest.append
 
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         limit = self._deadline if deadline is None else _positive(deadline)
         payload = self._call.encode(arguments)
+        tally = self._tally
+        begin = tally.begin
+        finish = begin(tally, arguments) if begin else None
         suspended = self._monitor.suspend()
+        begun = _now()
         try:
             reply = self._caller.ask(payload, limit)
+            self._note(_now() - begun)
+            if reply.status is not _OK:
+                tally.failed += 1
+        except BaseException as exc:
+            tally.failed += 1
+            if finish:
+                finish(exc)
+            raise
         finally:
+            tally.count += 1
             if suspended:
                 self._monitor.resume(suspended)
+        if finish:
+            finish(reply)
         return self._call.result(reply)
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
         limit = self._deadline if deadline is None else _positive(deadline)
         answer = Answer(self._monitor, self._call)
-        answer.follow(self._caller.call(self._call.encode(arguments), limit))
+        payload, begin = self._call.encode(arguments), self._tally.begin
+        finish = begin(self._tally, arguments) if begin else None
+        source = self._caller.call(payload, limit)
+        source.add_done_callback(partial(self._answered, _now(), finish))
+        answer.follow(source)
         return answer
+
+    def _answered(self, begun: float, finish: Finish | None, source: Future[Reply]) -> None:
+        if source.cancelled():
+            if finish:
+                finish(CancelledError("the caller cancelled it"))
+            return
+        self._tally.count += 1
+        if source.exception() is None:
+            self._note(_now() - begun)
+        if source.exception() or source.result().status is not _OK:
+            self._tally.failed += 1
+        if finish:
+            finish(source.exception() or source.result())
 
 
 class BoundSend:
     """A command or a publication that is connected over one middleware."""
 
-    def __init__(self, call: Call[Any], outlet: Outlet, deadline: float) -> None:
+    def __init__(self, call: Call[Any], outlet: Outlet, deadline: float, tally: Tally) -> None:
         self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
+        self._tally, self._note = tally, tally.latest.append
         self._tells = outlet if isinstance(outlet, SupportsSubscribers) else None
 
     @property
@@ -306,10 +359,25 @@ class BoundSend:
     def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
         """`memory` holds the arguments if they were filled in place."""
         limit = self._deadline if deadline is None else _positive(deadline)
-        if memory and self.lent(memory):
-            memory.send(arguments, limit)
-        else:
-            self._outlet.send(self._encode(arguments), limit)
+        tally = self._tally
+        begin = tally.begin
+        finish = begin(tally, arguments) if begin else None
+        begun = _now()
+        try:
+            if memory and self.lent(memory):
+                memory.send(arguments, limit)
+            else:
+                self._outlet.send(self._encode(arguments), limit)
+        except BaseException as exc:
+            tally.failed += 1
+            if finish:
+                finish(exc)
+            raise
+        finally:
+            tally.count += 1
+        self._note(_now() - begun)
+        if finish:
+            finish(_TAKEN)
 
     def lent(self, memory: Memory | None) -> bool:
         return memory is not None and memory.loans is self.loans
@@ -370,12 +438,14 @@ class BoundHandler:
         self,
         answering: Handler,
         monitor: Monitor,
+        tally: Tally,
         concurrent: bool,
         turn: threading.Lock | None = None,
         outside: bool = False,
     ) -> None:
         self._answering, self._monitor, self._concurrent, self._outside = answering, monitor, concurrent, outside
         self._turn = turn
+        self._tally, self._ran, self._waited = tally, tally.latest.append, tally.waited.append
         self._stats = Statistics()
 
     def count_in(self, stats: Statistics) -> None:
@@ -391,27 +461,39 @@ class BoundHandler:
             return self._answering.failed(exc)
         if self._outside:
             return self._answering.answer(arguments)
-        begun = time.monotonic()
+        tally = self._tally
+        begin = tally.begin
+        finish = begin(tally, arguments) if begin else None
+        arrived = _now()
         if not self._concurrent and self._monitor.try_enter():
             try:
-                return self._answering.answer(arguments)
+                reply = self._answering.answer(arguments)
+                self._ran(_now() - arrived)
+                self._waited(0.0)
+                tally.count += 1
+                if reply.status is not _OK:
+                    tally.failed += 1
+                if finish:
+                    finish(reply)
+                return reply
             finally:
-                self._monitor.gauge.note(time.monotonic() - begun)
                 self._monitor.leave()
-        reply: Future[Reply] = Future()
+        answer: Future[Reply] = Future()
 
         def job() -> Reply:
-            if time.monotonic() >= expires:
-                return Reply(Status.EXPIRED)
-            try:
-                return self._answering.answer(arguments)
-            finally:
-                self._monitor.gauge.note(time.monotonic() - begun)
+            begun = _now()
+            reply = Reply(Status.EXPIRED) if begun >= expires else self._answering.answer(arguments)
+            self._ran(_now() - begun)
+            self._waited(begun - arrived)
+            self._count(reply, finish)
+            return reply
 
         submit = self._monitor.submit_concurrent if self._concurrent else self._monitor.submit
-        if submit(job, then=reply.set_result, refused=partial(reply.set_result, Reply(Status.REFUSED))):
-            return reply
-        return Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
+        if submit(job, then=answer.set_result, refused=partial(answer.set_result, Reply(Status.REFUSED))):
+            return answer
+        refused = Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
+        self._count(refused, finish)
+        return refused
 
     def receive(self, payload: Payload) -> None:
         try:
@@ -419,30 +501,53 @@ class BoundHandler:
         except DecodeError as exc:
             self._count_malformed(exc)
             return
+        begin = self._tally.begin
+        finish = begin(self._tally, arguments) if begin else None
         if self._concurrent:
-            self._answering.take(arguments)
+            self._take_now(arguments, 0.0, finish)
             return
         turn = self._turn
         if turn is None:
-            self._take(arguments)
+            self._take(arguments, finish)
             return
         if not turn.acquire(blocking=False):
             about_to_block()
             turn.acquire()
         try:
-            self._take(arguments)
+            self._take(arguments, finish)
         finally:
             turn.release()
 
-    def _take(self, arguments: tuple[Any, ...]) -> None:
+    def _take(self, arguments: tuple[Any, ...], finish: Finish | None) -> None:
+        waited = 0.0
+        if not self._monitor.try_enter():
+            arrived = _now()
+            try:
+                self._monitor.enter()
+            except Closed:
+                return  # the component is stopping
+            waited = _now() - arrived
         try:
-            self._monitor.enter()
-        except Closed:
-            return  # the component is stopping
-        try:
-            self._answering.take(arguments)
+            self._take_now(arguments, waited, finish)
         finally:
             self._monitor.leave()
+
+    def _take_now(self, arguments: tuple[Any, ...], waited: float, finish: Finish | None) -> None:
+        begun, tally = _now(), self._tally
+        if not (is_fine := self._answering.take(arguments)):
+            tally.failed += 1
+        self._ran(_now() - begun)
+        self._waited(waited)
+        tally.count += 1
+        if finish:
+            finish(_TAKEN if is_fine else _FAILED)
+
+    def _count(self, reply: Reply, finish: Finish | None) -> None:
+        self._tally.count += 1
+        if reply.status is not _OK:
+            self._tally.failed += 1
+        if finish:
+            finish(reply)
 
     def _count_malformed(self, why: DecodeError) -> None:
         if self._stats.malformed == 0:

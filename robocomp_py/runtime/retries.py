@@ -42,6 +42,8 @@ _THREADS = "retrying"
 MAX_THREADS = 4
 """Maximum number of asynchronous calls that are retried at the same time; further ones wait."""
 
+_chance = random.Random()  # its own, so that random numbers of the component's code do not depend on retries
+
 
 class Budget:
     """The number of retries that are allowed now. Safe to use from any thread."""
@@ -156,7 +158,7 @@ class Retrying:
             if not self._budget.spend():
                 break
             about_to_block()
-            self._closed.wait(min(pause * random.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
+            self._closed.wait(min(pause * _chance.uniform(0.5, 1.5), max(0.0, end - time.monotonic())))
             pause *= 3
             if not self._wait_server(end):
                 break

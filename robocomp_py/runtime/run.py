@@ -23,11 +23,13 @@ from ..threads import start_thread
 from ..transports import headroom
 from ..transports.base import TransportFactory, find_transport
 from ..wire import names
+from . import tally
 from .clock import NEVER, SECOND, Clock, Real, Virtual, ns
 from .commandline import configure_logging, exit_code, parser_of, prepare, print_config, tell_notes
 from .commonbehavior import CommonBehavior
 from .connections import Connections
 from .ending import STUCK, announced, end_after, grace_of, settle
+from .introspecting import Introspection
 from .introspection import Counts, life, status
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor, Threads
@@ -36,7 +38,6 @@ from .RoboCompCommonBehavior import Status
 from .settings import Settings
 from .signals import Signals
 from .statemachine import Machine, Trigger
-from .tally import Tally
 from .timers import Agenda, Timer, TimerHandle, Timers
 from .trace import user_trace
 from .unsafe import write_out
@@ -48,6 +49,7 @@ from .worker import Worker, check_methods
 if TYPE_CHECKING:
     from ..actions.binding import Surroundings
     from ..lockstep.lockstep import Lockstep
+    from .diary import Diary
 
 log = logging.getLogger("robocomp.worker")
 
@@ -87,6 +89,8 @@ class Running:
         self._lockstep = None if clock or not settings.clock else self._in_lockstep(settings)
         self.clock = clock or (self._lockstep.clock if self._lockstep else Real())
         self._is_virtual = clock is not None
+        self.started, self.begun = time.time_ns(), time.monotonic()
+        self._introspection: Introspection | None = None
         self.ready = threading.Event()
         self.state = State.STARTING
         self._wake = threading.Event()
@@ -107,10 +111,10 @@ class Running:
         self._last_hindrance = ""
         self._doing: list[str] = []
         self._machine: Machine | None = None
+        self._diary: Diary | None = None
         self._round = 0
         """Number of fired transitions to take until `compute` is looked at, plus one; 0 between two rounds."""
         self.worker = self._build(worker_class, seed)
-        self._tally = Tally(settings.namespace, settings.instance)
         self._connections = Connections(
             self.worker,
             settings,
@@ -118,7 +122,6 @@ class Running:
             lambda: not self.is_over,
             self.monitor,
             self._watching,
-            self._tally,
             self._lockstep.counts if self._lockstep else None,
             lambda text: self._tell(f"STATUS={text}"),
             self._goals_need if self.component.has_actions else None,
@@ -144,7 +147,11 @@ class Running:
         self._tell_contract()
         machine, params = vars(self.worker).get("statemachine"), self.settings.params
         try:
-            self._connections.open(CommonBehavior(self.worker, params, self.monitor.held, self._status, machine))
+            behavior = CommonBehavior(self.worker, params, self.monitor.held, self._status, machine)
+            self._introspection = Introspection(self, behavior)
+            self._connections.open(behavior, self._introspection)
+            if self._diary:
+                self._diary.note_proxies(self.worker)
             if self._lockstep:
                 self._lockstep.open(self._connections)
         except (RobocompError, OSError) as exc:
@@ -220,8 +227,20 @@ class Running:
     @property
     def life(self) -> str:
         """Its status, as one line for its launcher."""
-        counts = Counts(self.computes, self.overruns + sum(each.overruns for each in self._timers))
+        counts = Counts(self.computes, self.all_overruns)
         return life(self.settings.instance, self.state, counts, self._watching.all)
+
+    @property
+    def all_overruns(self) -> int:
+        """Those of `compute` and of all timers."""
+        return self.overruns + sum(each.overruns for each in self._timers)
+
+    @property
+    def clock_name(self) -> str:
+        """The instance whose clock it follows, `virtual`, or "" for the machine's."""
+        if self._is_virtual:
+            return "virtual"
+        return self.settings.clock.leader if self._lockstep and self.settings.clock else ""
 
     @property
     def _timers(self) -> Sequence[Timer]:
@@ -262,6 +281,10 @@ class Running:
                 each.set()
             self.monitor.turn_away()
 
+    def publish(self, port: Port) -> tuple[Any, Callable[[], None]]:
+        """See `Connections.publish`."""
+        return self._connections.publish(port)
+
     # Starting and ending.
 
     def _goals_need(self) -> Surroundings:
@@ -300,6 +323,11 @@ class Running:
         worker._suspended = self.monitor.suspended
         worker._settings = self.settings
         worker._seed = None if seed is None else (seed, *self.settings.instance.encode())
+        if self.settings.diary:
+            from .diary import opened  # few components have one
+
+            self._diary = opened(self.settings)
+            self._diary.note_worker(worker)
         if self.component.machine:
             self._machine = Machine(self.component.machine, self._enter, self._wake.set)
             triggers = self.component.machine.triggers().items()
@@ -349,13 +377,17 @@ class Running:
         if self._lockstep:
             self._lockstep.close()
         self._watching.end()
-        self._tally.write(self._connections.bound)
+        if self._introspection:
+            self._introspection.close()
+        tally.write(self.monitor.tallies, self.component.ports, self.settings.namespace, self.settings.instance)
         self._connections.close_links()
         self._watching.close()
         if self._agenda:
             self._agenda.close()
         self.monitor.close()
         self._connections.close()
+        if self._diary:
+            self._diary.close()
         self.state = State.ENDED
 
     # Living.

@@ -7,6 +7,7 @@
     log = "info"                     debug, info, warning or error
     startup_timeout = 60.0           seconds to wait for required components
     watchdog = 30.0                  longest call of its code in seconds, before its launcher ends it; 0: no limit
+    diary = "wander.mcap"            file for all that enters its code, by which `rc rerun` runs it again
     [timers]
     poll = 0.02                      seconds from one call to the next of a timer that its CDSL declares
     [clock]
@@ -129,6 +130,8 @@ class Settings:
     startup_timeout: float = STARTUP_TIMEOUT
     watchdog: float | None = None
     """Seconds; 0 for no limit, None for the launcher's choice."""
+    diary: str = ""
+    """The file for its diary; "" for none."""
     timers: Mapping[str, float] = field(default_factory=dict)
     """Periods in seconds, of the timers that the component declares."""
     clock: ClockSettings | None = None
@@ -141,6 +144,10 @@ class Settings:
     transports: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     document: Document | None = field(default=None, compare=False, repr=False)
     """The document that these settings were read from."""
+    _effective: dict[tuple[int, str, str], tuple[Port, PortSettings]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+    """What `port` has returned. The plan of a large network asks for the same again and again."""
 
     def middlewares(self, port: Port, operation: str, generated_for: str) -> list[str]:
         """The middlewares of an operation of a port, the main one first."""
@@ -150,6 +157,12 @@ class Settings:
 
     def port(self, port: Port, operation: str, instance: str = "") -> PortSettings:
         """The effective settings of one operation of a port, or of a named instance of it."""
+        key = id(port), operation, instance
+        if key not in self._effective:
+            self._effective[key] = port, self._port(port, operation, instance)  # the port is kept, and so is its id
+        return self._effective[key][1]
+
+    def _port(self, port: Port, operation: str, instance: str) -> PortSettings:
         base = PortSettings(port.middleware or self.middleware, "", DEADLINE, port.qos)
         offered = (self.offers or {}).get(instance, {})
         for table in (self.ports, offered) if offered else (self.ports,):
@@ -424,6 +437,7 @@ class _Checker:
             log=self._choice(own, "log", ("component",), LOG_LEVELS) or "info",
             startup_timeout=self._seconds(own, "startup_timeout", ("component",)) or STARTUP_TIMEOUT,
             watchdog=0.0 if own.get("watchdog") == 0 else self._seconds(own, "watchdog", ("component",)),
+            diary=self._text(own, "diary", ("component",)) or "",
             timers=self._timers(self._table(data, "timers", ())),
             clock=self._clock(self._table(data, "clock", ())) if "clock" in data else None,
             params=params,
@@ -598,7 +612,7 @@ class _Checker:
         self.complaints.append(Complaint(key, message, code))
 
 
-_COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog")
+_COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog", "diary")
 _CLOCK_KEYS = ("leader", "followers", "speed", "lost")
 _OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
 """Keys of earlier versions, which are still accepted with a warning."""

@@ -22,7 +22,7 @@ from typing import Any
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
 from ..threads import NO_THREAD, start_thread
-from .commandline import exit_code, parser_of, prepare, tell_notes, tell_where_on_abort
+from .commandline import exit_code, log_records, parser_of, prepare, tell_notes, tell_where_on_abort
 from .ending import STUCK, end_after, grace_of, settle
 from .notify import CONTRACT, ENDED, notify
 from .run import Running
@@ -328,6 +328,7 @@ class _ComponentName(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         member = self._together.speaking(record)
+        record.instance = member.name if member else ""
         record.speaker = f"{member.name}{self._behind}" if member else ""
         return member is None or record.levelno >= _level(member.running.settings)
 
@@ -339,6 +340,7 @@ def _configure_logging(every: Sequence[Settings], together: Together) -> None:
     logging.basicConfig(level=min(map(_level, every)), format=form, datefmt="%H:%M:%S", stream=sys.stderr)
     for handler in logging.getLogger().handlers:
         handler.addFilter(_ComponentName(together, ": " if launched else " "))
+    log_records(lambda record: getattr(record, "instance", ""))  # as the filter has found it
 
 
 def _level(settings: Settings) -> int:

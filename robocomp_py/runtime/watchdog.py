@@ -92,7 +92,7 @@ class Watchdog:
         return [f"{LIFE}{life}" for each, life in self._lives.items() if before.get(each, "") != life]
 
     def _measure(self, seconds: float) -> list[str]:
-        taken = [each.monitor.gauge.take() for each in self._every]
+        taken = [each.monitor.tallies.take() for each in self._every]
         answered, slowest = sum(number for number, _ in taken), max(slow for _, slow in taken)
         was_silent, self._was_silent = self._was_silent, not answered
         return [] if was_silent and not answered else [f"{CALLS}{answered / seconds:.4g} {1000 * slowest:.4g}"]

@@ -7,12 +7,14 @@ class TestMine(ActionsConformance):
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import threading
 import time
 import uuid
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -108,6 +110,10 @@ class Pilot:
             if steps != FOREVER + 1:
                 raise
         return steps
+
+
+async def _awaited(goal: Goal[int, Progress]) -> int:
+    return await asyncio.wait_for(goal, SOON)
 
 
 def _wait(seconds: float | None, condition: Callable[[], bool], wake: threading.Event) -> bool:
@@ -282,6 +288,98 @@ class ActionsConformance(ABC):
         with pytest.raises(Cancelled):
             goal.result(SOON)
 
+    def test_a_goal_can_be_awaited(self, client: Client) -> None:
+        async def outcome(steps: int) -> int | Exception:
+            try:
+                return await client.begin(DOCK if steps >= 0 else GO_TO, steps)
+            except (Blocked, RemoteFailure) as exc:
+                return exc
+
+        async def outcomes() -> tuple[int | Exception, ...]:
+            return await asyncio.gather(outcome(3), outcome(-1), outcome(0))
+
+        steps, blocked, none = asyncio.run(outcomes())
+        assert (steps, none) == (3, 0)
+        assert isinstance(blocked, Blocked)
+        assert blocked.by == "wall"
+
+    def test_goals_are_awaited_without_threads(self, client: Client) -> None:
+        goals = [client.begin(DOCK, 1) for _ in range(50)]
+        before = threading.active_count()
+
+        async def results() -> tuple[list[int], int]:
+            every = asyncio.gather(*goals)
+            await asyncio.sleep(0)
+            return await every, threading.active_count()
+
+        done, threads = asyncio.run(results())
+        assert done == [1] * 50
+        assert threads < before + 25
+
+    def test_a_task_that_ends_early_does_not_cancel_its_goal(self, server: Server, client: Client) -> None:
+        async def wait_in_vain(goal: Goal[int, Progress]) -> None:
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(goal, 0.05)
+
+        async def cancel(goal: Goal[int, Progress]) -> None:
+            await asyncio.to_thread(goal.cancel)
+            with pytest.raises(Cancelled):
+                await goal
+
+        goal = client.begin(GO_TO, FOREVER)
+        asyncio.run(wait_in_vain(goal))
+        assert not goal.done
+        assert not server.pilot.told_to_stop
+        asyncio.run(cancel(goal))
+        assert goal.status is GoalState.CANCELED
+
+    def test_a_goal_has_futures(self, client: Client) -> None:
+        goal = client.begin(GO_TO, FOREVER)
+        future, dropped = goal.future(), goal.future()
+        called: list[Future[int]] = []
+        future.add_done_callback(called.append)
+        assert dropped.cancel()
+        assert wait([dropped], SOON).done == {dropped}
+        assert not goal.done
+        with pytest.raises(Timeout):
+            future.result(0.01)
+        goal.cancel()
+        with pytest.raises(Cancelled):
+            future.result(SOON)
+        assert isinstance(goal.future().exception(), Cancelled)
+        wait_until(lambda: called == [future])
+        assert client.begin(GO_TO, 2).future().result(SOON) == 2
+
+    def test_callbacks_of_a_future_run_like_handlers(self, client: Client) -> None:
+        inside: list[bool] = []
+        goal = client.begin(GO_TO, 1)
+        with client.monitor.held():
+            goal.future().add_done_callback(lambda _: inside.append(client.monitor.is_inside))
+            assert goal.result(SOON) == 1
+        wait_until(lambda: inside)
+        assert inside == [True]
+
+    def test_a_client_that_stops_waits_no_longer(self, client: Client) -> None:
+        goal = client.begin(GO_TO, FOREVER, detached=True)
+        future = goal.future()
+
+        async def stop() -> None:
+            task = asyncio.ensure_future(goal)
+            await asyncio.sleep(0)
+            client.monitor.turn_away()
+            with pytest.raises(Closed):
+                await task
+
+        asyncio.run(stop())
+        with pytest.raises(Closed):
+            future.result(SOON)
+        assert not goal.done, "until it closes"
+        client.goals.close()
+        assert goal.done
+        with pytest.raises(Closed):
+            goal.result()
+        assert isinstance(goal.future().exception(), Closed)
+
     def test_a_goal_is_refused_while_another_one_is_active(self, client: Client) -> None:
         goal = client.begin(GO_TO, FOREVER)
         with pytest.raises(Busy):
@@ -382,9 +480,12 @@ class ActionsConformance(ABC):
         ending.callback(client.close)
         goal = client.wait().begin(GO_TO, FOREVER)
         wait_until(lambda: goal.feedback is not None)
+        future = goal.future()
         victim.kill()
         with pytest.raises(Unreachable):
-            goal.result(SOON)
+            asyncio.run(_awaited(goal))
+        with pytest.raises(Unreachable):
+            future.result(SOON)
 
     def test_the_goals_of_a_killed_client_are_cancelled_unless_detached(
         self, server: Server, here: Transport, name: str, ending: ExitStack

@@ -11,7 +11,8 @@ Two transports that it opens one after the other must reach each other, and no o
                 sides opened at once · channels are separate · 0 B to 64 MB · nothing after close · a sink that raises
                 or is slow does not affect others · a sink may publish · latched messages are kept or refused · a slow
                 sink gets the newest `depth` messages · reliable topics lose nothing, and every sender gives up at its
-                own deadline · losses are counted, and a flood is bounded · `*` receives from all other instances
+                own deadline · losses are counted, and a flood is bounded · `*` receives from all other instances ·
+                a headed sink gets source, sequence number and time of each message
     commands    in order, once, from many senders; no receiver: Unreachable
     qos         missed deadlines, lost publishers and expired messages are reported and counted: see `testing.qos`
     queries     replies find their callers, 64 out of order · clients get equal shares, and none waits for another's
@@ -65,6 +66,7 @@ from ..transports.base import (
     Caller,
     Capability,
     Channel,
+    Heard,
     Link,
     Outlet,
     Reply,
@@ -489,6 +491,67 @@ class TransportConformance(QoSConformance):
         for outlet, message in zip(outlets, (b"one", b"two"), strict=True):
             outlet.send(blob(here, message))
         assert {inbox.get(timeout=SOON), inbox.get(timeout=SOON)} == {b"one", b"two"}
+
+    def test_a_headed_sink_sees_who_sent_a_message_when_and_which_it_is(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        heard: queue.Queue[Heard] = queue.Queue()
+        there.inlet(replace(topic(name), headed=True), heard.put)
+        plain = subscribe(there, topic(name))
+        outlet = here.outlet(topic(name))
+        _wait_connected(outlet)
+        begun = time.time_ns()
+        for message in (b"1", b"2", b"3"):
+            outlet.send(blob(here, message))
+        one, two, three = (heard.get(timeout=SOON) for _ in range(3))
+        for number, each in enumerate((one, two, three), 1):
+            assert each.channel == name
+            assert each.source == one.source != 0
+            assert each.sequence == number
+            assert unblob(there, each.payload) == b"%d" % number
+        assert begun <= one.stamp <= two.stamp <= three.stamp <= time.time_ns()
+        assert [plain.get(timeout=SOON) for _ in range(3)] == [b"1", b"2", b"3"]  # others are not affected
+
+    def test_a_headed_sink_of_a_star_tells_the_sources_apart(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        interface = f"C{uuid.uuid4().hex[:8]}"
+        heard: queue.Queue[Heard] = queue.Queue()
+        there.inlet(replace(topic(f"*/{interface}/news"), headed=True), heard.put)
+        outlets = {instance: here.outlet(topic(f"{instance}/{interface}/news")) for instance in ("one", "two")}
+        for outlet in outlets.values():
+            _wait_connected(outlet)
+        for _ in range(2):
+            for instance, outlet in outlets.items():
+                outlet.send(blob(here, instance.encode()))
+        messages = [heard.get(timeout=SOON) for _ in range(4)]
+        by_instance = {
+            instance: [each for each in messages if unblob(there, each.payload) == instance.encode()]
+            for instance in outlets
+        }
+        for instance, (first, second) in by_instance.items():
+            assert first.source == second.source
+            assert (first.sequence, second.sequence) == (1, 2)
+            assert first.channel in (f"{instance}/{interface}/news", f"*/{interface}/news")
+        assert by_instance["one"][0].source != by_instance["two"][0].source
+
+    def test_headers_of_latched_messages_are_those_of_the_past(
+        self, here: Transport, there: Transport, name: str
+    ) -> None:
+        if Capability.LATCHED not in here.capabilities:
+            return  # it is refused: see above
+        outlet = here.outlet(topic(name, _LATCHED))
+        for message in (b"1", b"2", b"3"):
+            outlet.send(blob(here, message))
+        sent = time.time_ns()
+        heard: queue.Queue[Heard] = queue.Queue()
+        there.inlet(replace(topic(name, _LATCHED), headed=True), heard.put)
+        late = [heard.get(timeout=SOON) for _ in range(_LATCHED.depth)]
+        assert [(each.channel, each.sequence, unblob(there, each.payload)) for each in late] == [
+            (name, 2, b"2"),
+            (name, 3, b"3"),
+        ]
+        assert 0 < late[0].stamp <= late[1].stamp <= sent
 
     def test_a_star_is_never_oneself(self, here: Transport, there: Transport) -> None:
         interface = f"C{uuid.uuid4().hex[:8]}"
@@ -1404,6 +1467,11 @@ class TransportConformance(QoSConformance):
 
 def answering(transport: Transport, answer: Callable[[bytes], bytes]) -> Callable[[Payload, float], Reply]:
     return lambda payload, expires: Reply(Status.OK, blob(transport, answer(unblob(transport, payload))))
+
+
+def _wait_connected(outlet: Outlet) -> None:
+    assert outlet.wait_peer(SOON)
+    assert wait_connected(outlet, SOON)
 
 
 def _send_many(transport: Transport, outlet: Outlet, number: int, deadline: float = A_MOMENT) -> None:

@@ -12,6 +12,7 @@ The module must be importable, because other processes open a transport in the s
     publisher killed    in the middle of a message: no part of it is delivered; the next publisher is received
     subscriber hangs    a best-effort publisher and its other subscribers are not affected; a reliable one gives up at
                         its deadline, and continues after the subscriber is killed; memory is bounded
+    tap hangs           or is killed: a reliable publisher sends on, and its reliable subscribers lose nothing
     sleeper wakes       messages accepted for a reliable subscriber reach it; messages and commands in order, once
     flood               from another process, at full speed: in order, nothing twice, every message accounted for,
                         memory bounded; reliable: every message
@@ -37,6 +38,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -59,6 +61,8 @@ FLOOD = 3000
 MESSAGE = 100_000
 MOST_MEMORY = 150_000_000
 _RELIABLE = QoS(Reliability.RELIABLE, depth=4)
+_MISSED = 100
+"""Messages of MESSAGE octets for a tap that takes none: more than queues and the kernel hold."""
 _CLIENTS = 6
 """Processes that ask one server at once."""
 _LEAST_LEASE = 2.0
@@ -236,6 +240,29 @@ class TransportFaults(TransportSuite):
         victim.kill()
         for outlet in outlets:
             wait_until(lambda outlet=outlet: _taken(outlet, large))  # type: ignore[misc]
+
+    def test_a_tap_that_hangs_or_is_killed_makes_no_send_of_a_reliable_publisher_fail(
+        self, here: Transport, there: Transport, name: str, start: Start
+    ) -> None:
+        if Capability.RELIABLE not in here.capabilities:
+            return  # refused, as the conformance suite shows
+        heard: list[int] = []
+        there.inlet(topic(name, _RELIABLE), lambda payload: heard.append(_number(there, payload)))
+        outlet, numbers = here.outlet(topic(name, _RELIABLE)), itertools.count(1)
+        tap = start(_tap)
+        assert tap.heard() == "listening"
+        assert outlet.wait_peer(SOON)
+        wait_until(lambda: _said(here, outlet, next(numbers)) and tap.all_heard() and heard)
+        tap.stop()
+        for _ in range(_MISSED):
+            outlet.send(_numbered(here, next(numbers)), SOON)
+        tap.kill()
+        for _ in range(_MISSED):
+            outlet.send(_numbered(here, next(numbers)), SOON)
+        last = next(numbers)
+        outlet.send(_numbered(here, last), SOON)
+        wait_until(lambda: heard[-1] == last)
+        assert heard == list(range(heard[0], last + 1))
 
     @pytest.mark.parametrize("kind", ["topic", "command"])
     def test_a_stopped_process_gets_accepted_messages_in_order_and_once(
@@ -525,6 +552,18 @@ def _take_numbers(transport: Transport, name: str, control: Control) -> None:
     transport.inlet(topic(name, _RELIABLE), lambda payload: control.send(_number(transport, payload)))
     control.send("listening")
     _until_told(control)
+
+
+def _tap(transport: Transport, name: str, control: Control) -> None:
+    channel = replace(topic(name, QoS(depth=4)), tap=True)
+    transport.inlet(channel, lambda payload: control.send(_number(transport, payload)))
+    control.send("listening")
+    _until_told(control)
+
+
+def _said(transport: Transport, outlet: Outlet, number: int) -> bool:
+    outlet.send(_numbered(transport, number), SOON)
+    return True
 
 
 def _take_commands(transport: Transport, name: str, control: Control) -> None:

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from ..contract.interface import Operation, Pattern
-from ..contract.qos import DEFAULT_QOS, QoS, Reliability
+from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
 from ..contract.types import LINEAGE, ExceptionType, thrown
 from ..errors import RemoteFailure, RobocompError
 from ..runtime.calls import Call
 from ..transports import base
-from ..transports.base import Link, Outlet, Reply, Sink, Status, Transport, TransportConfig, TypeRef, find_transport
+from ..transports.base import (
+    Caller,
+    Link,
+    Outlet,
+    Reply,
+    Sink,
+    Status,
+    Transport,
+    TransportConfig,
+    TypeRef,
+    find_transport,
+)
 from ..wire.codec import Codec
-from .network import Channel
-
-OWNER = "rc"
-"""How others see a tool."""
+from .network import TOOL, Channel
 
 
 class ThrownError(RobocompError):
@@ -39,10 +48,16 @@ class Heard:
 
 
 class Access:
-    """The links of a tool. Each middleware is opened when it is first used. Closing it closes all links."""
+    """The links of a tool, for any number of threads. Each middleware is opened when it is first used.
+
+    Closing it closes all links.
+    """
 
     def __init__(self) -> None:
         self._transports: dict[str, Transport] = {}
+        self._opening = threading.Lock()
+        self._kept: dict[tuple[str, str, int], tuple[Caller, Call[Any]]] = {}
+        """Links of queries that are called again; closed with their transports."""
         self._end = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -51,33 +66,51 @@ class Access:
     def __exit__(self, *_: object) -> None:
         self._end.close()
 
-    def hear(self, channel: Channel, sink: Sink, depth: int) -> Heard:
+    def hear(self, channel: Channel, sink: Sink, depth: int, *, headed: bool = False, latched: bool = True) -> Heard:
         """Subscribe to a topic; `sink` gets payloads, on a thread of the transport, and must not take long.
+
+        With `headed`, it gets `transports.base.Heard` instead. Unless `latched`, it gets no message that was sent
+        before.
 
         No publisher waits for a tool. Raises ValueError if the contract is not understood, and TransportError.
         """
         transport = self._transport(channel.middlewares[0])
-        qos = QoS(Reliability.BEST_EFFORT, channel.qos.durability, depth=depth)
-        return Heard(transport.inlet(_path(channel, qos), sink), transport.codec)
+        durability = channel.qos.durability if latched else Durability.VOLATILE
+        qos = QoS(Reliability.BEST_EFFORT, durability, depth=depth)
+        path = replace(_path(channel, qos), tap=True, headed=headed)
+        return Heard(transport.inlet(path, sink), transport.codec)
+
+    def codec(self, channel: Channel) -> Codec:
+        """That of the payloads which `hear` would pass on."""
+        return self._transport(channel.middlewares[0]).codec
 
     def ask(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """Call a query; returns its outputs. `values` are those of the request, as `wire.json` makes them.
 
         Raises ThrownError, and what any call raises.
         """
-        transport = self._transport(channel.middlewares[0])
-        call = Call(channel.operation, transport.codec)
-        caller = transport.caller(_path(channel))
+        caller, call = self._caller(channel)
         try:
-            caller.wait_peer(deadline)
-            reply = caller.ask(call.encode(values), deadline)
+            return _answer(caller, call, values, deadline)
         finally:
             caller.close()
-        if reply.status is Status.THROWN:
-            raise _thrown(channel.operation, transport.codec, reply)
-        result = call.result(reply)
-        outputs = len(channel.operation.outputs)
-        return result if outputs > 1 else (result,) * outputs
+
+    def ask_again(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
+        """The same for a query that is called again and again: its link stays open, until a call fails."""
+        key = (channel.middlewares[0], channel.name, next(iter(channel.texts)))
+        with self._opening:
+            kept = self._kept.pop(key, None)  # one thread uses it at a time
+        caller, call = kept or self._caller(channel)
+        try:
+            result = _answer(caller, call, values, deadline)
+        except BaseException:
+            caller.close()
+            raise
+        with self._opening:
+            before, self._kept[key] = self._kept.get(key), (caller, call)
+        if before:
+            before[0].close()
+        return result
 
     def outlet(self, channel: Channel) -> tuple[Outlet, Call[Any]]:
         """A link that sends commands or publications, and what encodes them. Publications reach the visible subscribers
@@ -85,18 +118,48 @@ class Access:
         transport = self._transport(channel.middlewares[0])
         return transport.outlet(_path(channel, channel.qos)), Call(channel.operation, transport.codec)
 
+    def sender(
+        self, middleware: str, name: str, pattern: Pattern, operation: Operation[Any], qos: QoS
+    ) -> tuple[Outlet, Codec]:
+        """A link that sends under a name, also of a channel that has no other end; and the codec of its payloads.
+
+        Raises TransportError, and UnsupportedQoS if the middleware does not offer this QoS.
+        """
+        transport = self._transport(middleware)
+        path = base.Channel(name, pattern, _type(operation, pattern), qos)
+        base.require(transport, middleware, path)
+        return transport.outlet(path), transport.codec
+
+    def _caller(self, channel: Channel) -> tuple[Caller, Call[Any]]:
+        transport = self._transport(channel.middlewares[0])
+        return transport.caller(_path(channel)), Call(channel.operation, transport.codec)
+
     def _transport(self, middleware: str) -> Transport:
-        if middleware not in self._transports:
-            self._transports[middleware] = transport = find_transport(middleware)(TransportConfig(owner=OWNER))
-            self._end.callback(transport.close)
-        return self._transports[middleware]
+        with self._opening:
+            if middleware not in self._transports:
+                self._transports[middleware] = transport = find_transport(middleware)(TransportConfig(owner=TOOL))
+                self._end.callback(transport.close)
+            return self._transports[middleware]
+
+
+def _answer(caller: Caller, call: Call[Any], values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
+    caller.wait_peer(deadline)
+    reply = caller.ask(call.encode(values), deadline)
+    if reply.status is Status.THROWN:
+        raise _thrown(call.operation, call.codec, reply)
+    result = call.result(reply)
+    outputs = len(call.operation.outputs)
+    return result if outputs > 1 else (result,) * outputs
 
 
 def _path(channel: Channel, qos: QoS | None = None) -> base.Channel:
-    operation = channel.operation
-    response = operation.response if channel.pattern is Pattern.QUERY else None
-    kind = TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
+    kind = _type(channel.operation, channel.pattern)
     return base.Channel(channel.name, channel.pattern, kind, qos or DEFAULT_QOS)
+
+
+def _type(operation: Operation[Any], pattern: Pattern) -> TypeRef:
+    response = operation.response if pattern is Pattern.QUERY else None
+    return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
 def _thrown(operation: Operation[Any], codec: Codec, reply: Reply) -> ThrownError | RemoteFailure:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from .. import installed
 from ..errors import ConfigurationError, TransportError
+from ..spelling import unknown
 from ..transports.deployment import deployment_of, deployments
 from .network import End, Network
 
@@ -15,13 +17,40 @@ def take_census(middlewares: Sequence[str] = (), *, own: bool = False) -> Networ
     With `own`, the interfaces of the framework are shown, too. Raises ConfigurationError if a named middleware cannot
     tell, and TransportError.
     """
-    ends: list[End] = []
-    for name in middlewares or _nearest_first(deployments()):
-        found = _ends(name)
-        if found is None and middlewares:
-            raise ConfigurationError(f"{name} cannot tell what uses it")
-        ends += found or ()
+    with installed.asked_once():
+        check_names(middlewares)
+        ends: list[End] = []
+        for name in middlewares or _nearest_first(deployments()):
+            found = _ends(name)
+            if found is None and middlewares:
+                raise ConfigurationError(f"{name} cannot tell what uses it")
+            ends += found or ()
     return Network(ends, own=own)
+
+
+def check_names(middlewares: Sequence[str]) -> None:
+    """Raise ConfigurationError if one of these is not installed."""
+    for name in middlewares:
+        if name not in installed.transports():
+            raise ConfigurationError(unknown("middleware", name, installed.transports()))
+
+
+def take_each(middlewares: Sequence[str] = ()) -> tuple[list[End], list[str], list[str]]:
+    """What is announced, the interfaces of the framework included; the middlewares that could tell it; what went wrong.
+
+    By default, all middlewares are asked.
+    """
+    ends: list[End] = []
+    tellers, troubles = [], []
+    for name in middlewares or _nearest_first(deployments()):
+        try:
+            ends += take_census((name,), own=True).ends
+            tellers.append(name)
+        except ConfigurationError:
+            continue  # it is not installed, or cannot tell
+        except TransportError as exc:
+            troubles.append(str(exc))
+    return ends, tellers, troubles
 
 
 def _nearest_first(names: Iterable[str]) -> list[str]:

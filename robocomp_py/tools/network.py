@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from ..contract import told
@@ -14,6 +14,7 @@ from ..errors import RobocompError
 from ..spelling import closest
 from ..transports.census import Told
 from ..wire import names
+from .announced import OWN, PROVIDERS
 
 PATTERNS = {
     "publishes": Pattern.PUBLISH,
@@ -25,11 +26,8 @@ PATTERNS = {
 }
 """By the role of an end."""
 
-PROVIDERS = frozenset(("publishes", "receives", "serves"))
-"""The roles whose channels have the name of their own instance."""
-
-OWN = frozenset(("CommonBehavior", "LockstepLeader", "LockstepFollower"))
-"""Interfaces of the framework, which are shown only if they are asked for."""
+TOOL = "rc"
+"""The owner that commands announce."""
 
 
 class NotUnderstood(RobocompError, ValueError):
@@ -93,7 +91,7 @@ class Channel:
     def operation(self) -> Operation[Any]:
         """As its providers announce it. Raises NotUnderstood."""
         try:
-            return told.operation(next(iter(self.texts.values())))
+            return _understood(next(iter(self.texts.values())))
         except ValueError as exc:
             raise NotUnderstood(f"the contract of {self.name} is not understood: {exc}") from exc
 
@@ -122,6 +120,9 @@ class Network:
     def __init__(self, every: Iterable[End], *, own: bool = False) -> None:
         """With `own`, the interfaces of the framework belong to it, too."""
         known = [each for each in every if _is_understood(each.told)]
+        self._stock = [
+            each for each in known if names.segment(each.told.channel) in OWN and not _is_any(each.told.channel)
+        ]
         self._ends = [each for each in known if own or names.segment(each.told.channel) not in OWN]
         self.channels: dict[str, Channel] = {}
         for each in (end for end in self._ends if not _is_any(end.told.channel)):
@@ -133,16 +134,34 @@ class Network:
                     channel.ends.append(each)
         self.channels = dict(sorted(self.channels.items()))
 
-    def components(self) -> list[Running]:
-        """In the order of their names."""
+    @property
+    def ends(self) -> Sequence[End]:
+        """All that are understood, also those that name no instance."""
+        return self._ends
+
+    def stock(self, interface: str) -> list[Channel]:
+        """The channels of an interface of the framework, also if these do not belong to the network."""
+        found: dict[str, Channel] = {}
+        for each in self._stock:
+            name = each.told.channel
+            if names.segment(name) == interface:
+                found.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
+        return list(found.values())
+
+    def components(self, *, tools: bool = False) -> list[Running]:
+        """In the order of their names; with `tools`, also commands such as `rc echo`."""
+        serving = {(end.told.owner, end.told.pid) for end in (*self._stock, *self._ends) if end.role == "serves"}
         found: dict[tuple[str, int], Running] = {}
         for end in self._ends:
             told = end.told
+            if not tools and told.owner == TOOL and (told.owner, told.pid) not in serving:
+                continue
             running = found.setdefault((told.owner, told.pid), Running(told.owner, told.pid))
             instance, interface = names.instance(told.channel), names.segment(told.channel)
             if end.provides:
                 where = running.offers
-                text = interface if instance == told.owner else f"{instance}/{interface}"
+                whole = told.channel.rsplit("/", 2)[0]
+                text = interface if told.owner in (whole, instance) else f"{instance}/{interface}"
             else:
                 where = running.uses
                 text = interface if instance == names.ANY else f"{interface} of {instance}"
@@ -185,6 +204,11 @@ class Network:
         parts |= {each.rpartition("/")[0] for each in provided}
         near = closest(name.strip("/"), parts)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
+
+
+@lru_cache(maxsize=256)
+def _understood(text: str) -> Operation[Any]:
+    return told.operation(text)
 
 
 def _is_understood(told: Told) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import queue
 import signal
@@ -15,10 +16,12 @@ from typing import Any, NamedTuple
 
 from ..errors import DecodeError
 from ..threads import start_thread
+from ..transports.base import Heard, Link, SupportsSources
 from ..wire import json
 from ..wire.codec import Codec, Decoder, Payload
 from .access import Access
 from .network import Channel
+from .traffic import Arrival
 
 DEPTH = 100
 """Messages of a topic that may wait to be printed."""
@@ -41,12 +44,30 @@ class Message(NamedTuple):
     """As JSON; a text that says why, if it cannot be decoded."""
     dropped: int
     """Messages that arrived since the last one and did not fit."""
+    sent: float | None
+    """When it was sent, by the clock of its publisher's host, in seconds since 1970; None if it does not tell."""
+    number: int | None
+    """Counts the messages of its publisher from 1; None if it does not tell."""
+
+
+class Presence(NamedTuple):
+    """A topic has lost its last publisher, or has got one again."""
+
+    channel: str
+    is_published: bool
+
+
+class Resumed(NamedTuple):
+    """This process went on after the user had stopped it. Until then it had no subscriptions."""
+
+    at: float
+    """`time.monotonic()`."""
 
 
 class _Arrived(NamedTuple):
     time: float
     channel: str
-    payload: Payload
+    heard: Heard
     octets: int
 
 
@@ -59,12 +80,12 @@ class _Inbox:
         self._octets = 0
         self._dropped = 0
 
-    def put(self, channel: str, payload: Payload) -> None:
-        size = _size(payload)
+    def put(self, channel: str, heard: Heard) -> None:
+        size = octets_of(heard.payload)
         with self._lock:
             if self._octets + size <= OCTETS or not self._octets:
                 with contextlib.suppress(queue.Full):
-                    self._waiting.put_nowait(_Arrived(time.time(), channel, payload, size))
+                    self._waiting.put_nowait(_Arrived(time.time(), channel, heard, size))
                     self._octets += size
                     return
             self._dropped += 1
@@ -81,39 +102,80 @@ class _Inbox:
         return arrived, dropped
 
 
-def tapped(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Message]:
-    """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time."""
-    inbox, span = _Inbox(DEPTH * len(topics)), _Span(first, whole)
+def tapped(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Message | Presence]:
+    """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
+
+    Whether topics are published is noticed while no message comes.
+    """
+    inbox, span = _Inbox(DEPTH * len(topics)), Span(first, whole)
     decoders: dict[str, Decoder] = {}
-    with _listening(topics, inbox.put, decoders) as check:
+    published = dict.fromkeys((each.name for each in topics), False)
+    lost: set[str] = set()
+
+    def resumed() -> None:
+        published.update(dict.fromkeys(published, False))  # new subscriptions find their publishers anew
+
+    subscriptions = _Subscriptions(topics, inbox.put, decoders, resumed)
+    with _listening(subscriptions) as check:
         while span.goes_on():
             check()
             if found := inbox.get(_LOOK):
                 span.heard = True
                 arrived, dropped = found
-                yield Message(arrived.time, arrived.channel, _decoded(topics, decoders, arrived), dropped)
+                published[arrived.channel] = True
+                yield _message(topics, decoders, arrived, dropped)
+                continue
+            for channel, is_published in subscriptions.presences():
+                if published[channel] and not is_published:
+                    lost.add(channel)
+                    yield Presence(channel, False)
+                elif is_published and channel in lost:
+                    lost.remove(channel)
+                    yield Presence(channel, True)
+                published[channel] = is_published
 
 
-class Arrival(NamedTuple):
-    channel: str
-    at: float
-    """`time.monotonic()`."""
-    octets: int
+class Tap:
+    """Messages of topics, for one thread to take."""
+
+    def __init__(
+        self, topics: Sequence[Channel], inbox: _Inbox, decoders: dict[str, Decoder], check: Callable[[], None]
+    ) -> None:
+        self._topics, self._inbox, self._decoders, self._check = topics, inbox, decoders, check
+
+    def take(self, timeout: float) -> Message | None:
+        """The next message; None if none comes in time. Raises what has gone wrong with the subscriptions."""
+        self._check()
+        found = self._inbox.get(timeout)
+        return _message(self._topics, self._decoders, *found) if found else None
 
 
-def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Arrival | None]:
-    """The arrivals of messages, as long as `tapped`; None whenever a while passes without one.
+@contextlib.contextmanager
+def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
+    """Listen to these topics until the end."""
+    inbox, decoders = _Inbox(DEPTH * len(topics)), dict[str, Decoder]()
+    with _listening(_Subscriptions(topics, inbox.put, decoders)) as check:
+        yield Tap(topics, inbox, decoders, check)
+
+
+def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Arrival | Resumed | None]:
+    """The arrivals of new messages, as long as `tapped`; None whenever a while passes without one.
 
     While the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
     """
-    waiting: queue.Queue[Arrival] = queue.Queue(ARRIVALS)
-    span = _Span(first, whole)
+    waiting: queue.SimpleQueue[Arrival | Resumed] = queue.SimpleQueue()
+    span = Span(first, whole)
 
-    def note(channel: str, payload: Payload) -> None:
-        with contextlib.suppress(queue.Full):
-            waiting.put_nowait(Arrival(channel, time.monotonic(), _size(payload)))
+    def note(channel: str, heard: Heard) -> None:
+        if waiting.qsize() < ARRIVALS:
+            age = (time.time_ns() - heard.stamp) / 1e9 if heard.stamp else math.nan
+            size = octets_of(heard.payload)
+            waiting.put(Arrival(channel, time.monotonic(), size, heard.source, heard.sequence, age))
 
-    with _listening(topics, note, {}) as check:
+    def resumed() -> None:
+        waiting.put(Resumed(time.monotonic()))  # these are as many as a user types
+
+    with _listening(_Subscriptions(topics, note, {}, resumed, latched=False)) as check:
         while span.goes_on():
             check()
             try:
@@ -121,11 +183,11 @@ def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) ->
             except queue.Empty:
                 yield None
             else:
-                span.heard = True
+                span.heard = span.heard or isinstance(arrival, Arrival)
                 yield arrival
 
 
-class _Span:
+class Span:
     """How long to listen: `whole` seconds, or for ever unless nothing is heard in the `first` seconds."""
 
     def __init__(self, first: float, whole: float | None) -> None:
@@ -138,15 +200,12 @@ class _Span:
 
 
 @contextlib.contextmanager
-def _listening(
-    topics: Sequence[Channel], take: Callable[[str, Payload], None], decoders: dict[str, Decoder]
-) -> Iterator[Callable[[], None]]:
-    """Subscriptions to these topics. The yielded function raises what has gone wrong with them meanwhile.
+def _listening(subscriptions: _Subscriptions) -> Iterator[Callable[[], None]]:
+    """Open subscriptions until the end. The yielded function raises what has gone wrong with them meanwhile.
 
     When the user stops this process (Ctrl-Z), it first closes them: otherwise publishers could have to wait for it. A
     thread does so, because the main thread may be writing to a pipe that takes nothing.
     """
-    subscriptions = _Subscriptions(topics, take, decoders)
     in_main = threading.current_thread() is threading.main_thread()
     try:
         before = signal.signal(signal.SIGTSTP, subscriptions.stop) if in_main else None
@@ -160,10 +219,22 @@ def _listening(
 
 class _Subscriptions:
     def __init__(
-        self, topics: Sequence[Channel], take: Callable[[str, Payload], None], decoders: dict[str, Decoder]
+        self,
+        topics: Sequence[Channel],
+        take: Callable[[str, Heard], None],
+        decoders: dict[str, Decoder],
+        resumed: Callable[[], None] = lambda: None,
+        *,
+        latched: bool = True,
     ) -> None:
-        self._topics, self._take, self._decoders = topics, take, decoders
+        """`take` gets the name of a channel and a message; unless `latched`, only those that are sent from now on.
+
+        `resumed` is called when this process goes on after a stop, before the first message.
+        """
+        self._topics, self._take, self._decoders, self._resumed = topics, take, decoders, resumed
+        self._latched = latched
         self._access: Access | None = None
+        self._links: dict[str, Link] = {}
         self._wanted = threading.Event()
         """Set when this process is to stop, or the subscriptions are to end."""
         self._is_over = False
@@ -182,6 +253,14 @@ class _Subscriptions:
         if self._error:
             raise self._error
 
+    def presences(self) -> list[tuple[str, bool]]:
+        """The topics, and whether something publishes them now, as far as their middleware can tell."""
+        links = self._links
+        found = [
+            (name, bool(link.sources())) for name, link in list(links.items()) if isinstance(link, SupportsSources)
+        ]
+        return found if links is self._links else []  # they may have been closed meanwhile
+
     def close(self) -> None:
         self._is_over = True
         self._wanted.set()
@@ -194,6 +273,7 @@ class _Subscriptions:
             self._wanted.clear()
             self._silence()
             os.kill(os.getpid(), signal.SIGSTOP)
+            self._resumed()
             try:
                 self._listen()
             except Exception as exc:  # for `check`
@@ -203,10 +283,13 @@ class _Subscriptions:
     def _listen(self) -> None:
         self._access = access = Access()
         for topic in self._topics:
-            heard = access.hear(topic, partial(self._take, topic.name), DEPTH)
+            sink = partial(self._take, topic.name)
+            heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
             self._decoders[topic.name] = _decoder(topic, heard.codec)
+            self._links[topic.name] = heard.link
 
     def _silence(self) -> None:
+        self._links = {}
         if self._access:
             self._access.__exit__()
             self._access = None
@@ -216,15 +299,20 @@ def _decoder(topic: Channel, codec: Codec) -> Decoder:
     return codec.decoder(topic.operation.request)
 
 
-def _decoded(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _Arrived) -> Any:
+def _message(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _Arrived, dropped: int) -> Message:
     topic = next(each for each in topics if each.name == arrived.channel)
+    heard = arrived.heard
+    shown: Any
     try:
-        return json.shown(topic.operation.inputs, decoders[arrived.channel](arrived.payload))
+        shown = json.shown(topic.operation.inputs, decoders[arrived.channel](heard.payload))
     except DecodeError as exc:
-        return f"not understood: {exc}"
+        shown = f"not understood: {exc}"
+    sent = heard.stamp / 1e9 if heard.stamp else None
+    return Message(arrived.time, arrived.channel, shown, dropped, sent, heard.sequence if heard.source else None)
 
 
-def _size(payload: Payload) -> int:
+def octets_of(payload: Payload) -> int:
+    """The size of a received payload of any codec."""
     if isinstance(payload, list):
-        return sum(map(_size, payload))
+        return sum(map(octets_of, payload))
     return memoryview(payload).nbytes if payload is not None else 0

@@ -64,6 +64,24 @@ answered: Callable[[tuple[Status, Payload]], Reply] = partial(tuple.__new__, Rep
 Sink = Callable[[Payload], object]
 """Takes one message."""
 
+
+class Heard(NamedTuple):
+    """A message of a topic with what its header says: what the sink of a `headed` channel gets.
+
+    A message without our header, from a publisher of another program, has 0 for source, sequence and stamp.
+    """
+
+    channel: str
+    """That of its publisher, also if the inlet has `*`; that of the inlet if the publisher is not known yet."""
+    source: int
+    """A random number of the publisher's link; a restarted publisher has another one."""
+    sequence: int
+    """Counts the messages of the source from 1 without gaps."""
+    stamp: int
+    """When it was sent, by the clock of the sender's host: nanoseconds since the Unix epoch."""
+    payload: Payload
+
+
 Service = Callable[[Payload, float], "Reply | Future[Reply]"]
 """Answers one request, at once or later; the second argument is when the request expires (`time.monotonic`).
 
@@ -124,6 +142,12 @@ class Channel:
     signed: bool = field(default=False, compare=False, repr=False)
     """For an inlet or a served channel: whether messages are passed with their senders; see `senders`. A transport that
     does not know them may pass plain payloads."""
+    tap: bool = field(default=False, compare=False, repr=False)
+    """For a best-effort inlet of a topic: whether it must not hold up its publishers, even if its process is
+    stopped; it loses messages instead. A transport whose publishers never wait for best-effort inlets needs to do
+    nothing."""
+    headed: bool = field(default=False, compare=False, repr=False)
+    """For an inlet of a topic: whether its sink gets each message as a `Heard`."""
     lazy: bool = field(default=False, compare=False, repr=False)
     """For a served channel: whether it is rarely called, so that its resources may be created at the first call."""
 
@@ -208,8 +232,9 @@ class TransportConfig:
     """What a transport is opened with.
 
     `options` is its table of the configuration, `[transports.<name>]`; `owner` is the component
-    that opens it, for messages to people. While the transport or a link must wait for another
-    process before it can open, it polls `wanted`; once that returns False, it raises `Closed`.
+    that opens it, with its namespace: `robot1/world`. It is announced to others, and named in
+    messages to people. While the transport or a link must wait for another process before it can
+    open, it polls `wanted`; once that returns False, it raises `Closed`.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -224,15 +249,13 @@ point declares what a deployment needs: see `deployment`."""
 
 def find_transport(name: str) -> TransportFactory:
     """The installed transport of that name; raises ConfigurationError, which lists the installed ones."""
-    with installed.asked_once():
-        known = installed.transports()
-        if name not in known:
-            raise ConfigurationError(unknown("middleware", name, known))
-        try:
-            factory: TransportFactory = installed.transport(name)
-        except ImportError as exc:
-            raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
-        return factory
+    try:
+        factory: TransportFactory | None = installed.find(installed.TRANSPORTS, name)
+    except ImportError as exc:
+        raise ConfigurationError(f"middleware {name!r} is not usable here: {exc}") from exc
+    if factory is None:
+        raise ConfigurationError(unknown("middleware", name, installed.transports()))
+    return factory
 
 
 # The optional parts of the contract. A link, a transport or a factory offers a part by having its methods; a class of

@@ -119,6 +119,8 @@ class Deployment:
     """The longest path that a socket of it may have below the run-time folder."""
     leaves_memory = False
     """Whether opening and closing it removes what killed processes left outside of the run-time folder."""
+    shared_memory = ""
+    """The file system of shared memory that its messages are in."""
     modules: tuple[tuple[str, str], ...] = ()
     """What a host must have: a module, and the package that contains it, of each."""
 
@@ -176,6 +178,10 @@ class Deployment:
         """The addresses that an instance or a helper opens with these options."""
         yield from ()
 
+    def memory_files(self) -> list[Path]:
+        """The files outside of the run-time folder by which its processes share memory, if it `leaves_memory`."""
+        return []
+
     def crowded(self, connections: int) -> str:
         """Why this host cannot carry so many pairs of a client and a provider; "" if it can."""
         return ""
@@ -201,14 +207,11 @@ class Undeclared(Deployment):
 
 def deployment_of(middleware: str) -> Deployment:
     """The deployment side of a transport, by its name. Does not import the middleware, and never fails."""
-    with installed.asked_once():
-        if middleware not in installed.entries(installed.DEPLOYMENTS):
-            return Undeclared()
-        try:
-            found: type[Deployment] = installed.load(installed.DEPLOYMENTS, middleware)
-        except ImportError as exc:
-            return Undeclared(f"its deployment side cannot be loaded: {exc}")
-        return found()
+    try:
+        found: type[Deployment] | None = installed.find(installed.DEPLOYMENTS, middleware)
+    except ImportError as exc:
+        return Undeclared(f"its deployment side cannot be loaded: {exc}")
+    return found() if found else Undeclared()
 
 
 def deployments() -> dict[str, Deployment]:

@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
 from .census import Told
-from .exclusive import SWEPT, file_name, is_gone, is_swept, mark_swept, sweep
+from .exclusive import SWEPT, file_name, is_gone, is_swept, left_in, mark_swept, sweep
 from .inotify import UNWATCHED, Watch
 from .owned import NotOurs, make_private
 
@@ -153,6 +153,15 @@ def census(transport: str) -> list[Told]:
         for member in _members(runtime_dir(transport))
         for entry in member.entries
     ]
+
+
+def announcing() -> list[str]:
+    """The transports whose members have announced something here. Raises ConfigurationError, TransportError."""
+    folder = runtime_dir()
+    try:
+        return sorted(each.parent.name for each in folder.glob(f"*/{_INDEX}"))
+    except OSError as exc:
+        raise TransportError(f"run-time folder {folder} cannot be read: {exc.strerror}") from exc
 
 
 def _members(folder: Path) -> list[Member]:
@@ -717,6 +726,18 @@ def state_of(pid: int) -> str:
     except OSError:
         return ""
     return status.rpartition(")")[2].strip()[:1]
+
+
+def members_of(folder: Path) -> tuple[int, int]:
+    """How many living members a folder has, and how many files killed processes have left. Raises OSError."""
+    if not folder.is_dir():
+        return 0, 0
+    ids = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(_OF_MEMBERS)}
+    members = {name: int(pid) for name in ids if (pid := name.partition("-")[0]).isdecimal()}
+    dead = {name for name, pid in members.items() if is_gone(pid)}
+    claims = {os.path.splitext(name)[0] for name in left_in(folder)} - dead
+    below = [each for each in folder.iterdir() if each.is_dir() and each.name != _INDEX]
+    return len(members) - len(dead), len(dead) + len(claims) + sum(len(left_in(each)) for each in below)
 
 
 def clear(folder: Path) -> bool:

@@ -88,6 +88,15 @@ def sweep(folder: Path) -> None:
                 _remove_left(folder / name)
 
 
+def left_in(folder: Path) -> list[str]:
+    """The claims of processes that ended without releasing them. Raises OSError."""
+    return [
+        name
+        for name in os.listdir(folder)
+        if name.endswith(".lock") and is_gone(_pid((folder / name).read_text(errors="replace")))
+    ]
+
+
 def is_swept(folder: Path) -> bool:
     """Whether a process has just swept a folder with many files: one sweep is enough for all."""
     with contextlib.suppress(OSError):

@@ -24,6 +24,7 @@ from functools import partial
 from ..contract.interface import Pattern
 from ..errors import Closed, ConfigurationError, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
+from ..wire.header import random_id
 from ..wire.identity import Identity
 from .base import (
     ANY_QOS,
@@ -128,8 +129,9 @@ class _Outlet(BusLink[InprocTransport], SupportsSubscribers):
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
         """Whether `send` never waits for subscribers, even reliable ones."""
         self._order = threading.Lock()
-        self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
-        """The latest messages, each with its time (ns since the Unix epoch)."""
+        self._source, self._sent = random_id(), 0
+        self._history: deque[tuple[int, int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+        """The latest messages, each with its number and its time (ns since the Unix epoch)."""
         self._greeted: weakref.WeakSet[_Inlet] = weakref.WeakSet()
         """The subscribers that have got the history."""
 
@@ -152,8 +154,9 @@ class _Outlet(BusLink[InprocTransport], SupportsSubscribers):
             inlets = self.peers()
             for inlet in inlets:
                 self._greet(inlet)
+            self._sent += 1
             if self._history.maxlen:
-                self._history.append((time.time_ns(), payload))
+                self._history.append((self._sent, time.time_ns(), payload))
             for inlet in inlets:
                 self._give(inlet, payload, end)
         finally:
@@ -167,12 +170,15 @@ class _Outlet(BusLink[InprocTransport], SupportsSubscribers):
     def _greet(self, inlet: _Inlet) -> None:
         if self._history.maxlen and inlet.channel.qos.latched and inlet not in self._greeted:
             self._greeted.add(inlet)
-            inlet.lane.start_with(inlet.admit(self.channel.name, stamp, payload) for stamp, payload in self._history)
+            name, source = self.channel.name, self._source
+            inlet.lane.start_with(
+                inlet.admit(name, stamp, payload, source, number) for number, stamp, payload in self._history
+            )
             inlet.have_drained()
 
     def _give(self, inlet: _Inlet, payload: Payload, end: float) -> None:
         if inlet.reception.on:
-            payload = inlet.admit(self.channel.name, time.time_ns(), payload)
+            payload = inlet.admit(self.channel.name, time.time_ns(), payload, self._source, self._sent)
         elif inlet.signed:
             payload = From(self.transport.sender, payload)
         patience = 0.0 if self._lossy else max(0.0, end - time.monotonic())
@@ -201,9 +207,9 @@ class _Inlet(BusLink[InprocTransport], SupportsSources):
     def sources(self) -> list[Source]:
         return [Source(peer.channel, peer.link.channel.qos) for peer in self.counterparts()]
 
-    def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
+    def admit(self, name: str, stamp: int, payload: Payload, source: int, sequence: int) -> Payload:
         """What to put into the lane for a message of that channel."""
-        return self.reception.admit(name, stamp, payload) if self.reception.on else payload
+        return self.reception.admit(name, stamp, payload, source, sequence) if self.reception.on else payload
 
     def opened(self) -> None:
         if self.channel.qos.latched:

@@ -59,14 +59,15 @@ def belongs(thread: threading.Thread) -> None:
     _THREADS.add(thread)
 
 
-def abandoned() -> bool:
-    """Whether only threads of transports still run: the program forgot to close a transport.
+def abandoned(also: type[threading.Thread] | tuple[()] = ()) -> bool:
+    """Whether only threads of transports, and those of the class `also`, still run: the program forgot to close them.
 
     At its end an interpreter first waits for its threads, so only one of them can notice.
     """
     if threading.main_thread().is_alive():
         return False
-    return all(thread.daemon or thread in _THREADS for thread in threading.enumerate() if thread.is_alive())
+    left = [thread for thread in threading.enumerate() if thread.is_alive()]
+    return all(thread.daemon or thread in _THREADS or isinstance(thread, also) for thread in left)
 
 
 class LeaderFollowers:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from ..contract.interface import Pattern
 from ..contract.qos import QoS, Shortfall, duration, from_traits, shortfalls
 from ..wire.codec import Payload
-from .base import Channel, Sink, Source, Statistics
+from .base import Channel, Heard, Sink, Source, Statistics
 from .directory import Directory, Found
 from .senders import From, publisher, signing
 
@@ -77,7 +77,8 @@ class Reception:
         self._meeting = threading.Lock()
         """Held by `meet`: the receiving thread and one that waits for a connection may look at the same time."""
         self._ageing = False
-        self.on = self._on_receive is not None
+        self._headed = channel.headed and channel.pattern is Pattern.PUBLISH
+        self.on = self._headed or self._on_receive is not None
         self._signed = channel.signed and channel.pattern is Pattern.PUBLISH
         if self._signed or (channel.qos.lifespan is not None and channel.pattern is Pattern.PUBLISH):
             self._start_ageing()
@@ -97,13 +98,17 @@ class Reception:
                     if missing:
                         log.warning("%s", _unkept(self._channel.name, name, missing))
 
-    def admit(self, name: str, stamp: int, payload: Payload) -> Payload:
+    def admit(self, name: str, stamp: int, payload: Payload, source: int = 0, sequence: int = 0) -> Payload:
         """A new message of a channel, sent at `stamp` (ns since the Unix epoch; 0 if that is not known).
+
+        `source` and `sequence` are those of its header; 0 if it has none.
 
         Returns what is to be passed to the sink.
         """
         if self._on_receive:
             self._on_receive(name)
+        if self._headed:
+            payload = Heard(name, source, sequence, stamp, payload)
         if not self._ageing:
             return payload
         if self._signed:

@@ -15,7 +15,8 @@ from ..wire import names
 from ..wire.codec import Payload
 
 Sender = Callable[[], str]
-"""Returns the instance that sent a message; "" if it is not known. Called when a handler asks for it."""
+"""Returns the instance that sent a message, with or without its namespace; "" if it is not known. Called when a handler
+asks for it."""
 
 
 class From(NamedTuple):

@@ -94,7 +94,9 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
             return None
         if not self._ledger.admit(source, sequence):
             return None
-        return self._reception.admit(channel, stamp, payload) if self._reception.on else payload
+        if not self._reception.on:
+            return payload
+        return self._reception.admit(channel, stamp, payload, source, sequence)
 
     def release(self) -> None:
         self._lane.close()

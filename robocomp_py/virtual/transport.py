@@ -7,12 +7,13 @@ that they can be recorded, and no component can change what another one holds. Q
 from __future__ import annotations
 
 import contextlib
+import itertools
 import weakref
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from ..contract.interface import Pattern
 from ..errors import Timeout, TransportError, Unreachable
@@ -57,6 +58,8 @@ class Air:
 
     def __init__(self, executor: Executor, listener: Listener) -> None:
         self.executor, self.listener, self.bus = executor, listener, Bus()
+        self.sources = itertools.count(1)
+        """The numbers of publishers: not random, so that runs can be equal."""
 
     def factory(self, middleware: str) -> TransportFactory:
         """Opens what stands in for a middleware: links of different ones do not meet."""
@@ -97,14 +100,25 @@ class _Link(BusLink[VirtualTransport]):
         return self.visible()
 
 
+class _Sent(NamedTuple):
+    """The header of a message."""
+
+    channel: str
+    source: int
+    sequence: int
+    instant: int
+    """In ns of virtual time."""
+
+
 class Outlet(_Link, SupportsSubscribers):
     sides = "outlet", "inlet"
 
     def __init__(self, transport: VirtualTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._lossy = channel.pattern is Pattern.PUBLISH and not channel.qos.reliable
-        self._history: deque[tuple[int, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
-        """The latest messages, each with its time in ns."""
+        self._source, self._sent = next(self.air.sources), 0
+        self._history: deque[tuple[_Sent, Payload]] = deque(maxlen=channel.qos.depth if channel.qos.latched else 0)
+        """The latest messages."""
         self._greeted: weakref.WeakSet[Inlet] = weakref.WeakSet()
         """The subscribers that have got the history."""
 
@@ -123,13 +137,15 @@ class Outlet(_Link, SupportsSubscribers):
         executor.check_thread()
         to = self.channel if self.channel.pattern is Pattern.PUBLISH else peers[0].channel
         self.air.listener.sent(self.transport.owner, to, payload)
+        self._sent += 1
+        sent = _Sent(self.channel.name, self._source, self._sent, executor.now)
         if self._history.maxlen:
-            self._history.append((executor.now, payload))
+            self._history.append((sent, payload))
         if to is not self.channel and to.signed:
             payload = From(self.transport.sender, payload)
         until = executor.now + ns(deadline)
         for peer in list(peers):
-            if not peer.put(self.channel.name, executor.now, payload, may_be_lost=self._lossy, until=until):
+            if not peer.put(sent, payload, may_be_lost=self._lossy, until=until):
                 raise Timeout(f"{self.channel.name}: a subscriber is too slow")
 
     def look(self) -> bool:
@@ -137,8 +153,8 @@ class Outlet(_Link, SupportsSubscribers):
         for inlet in self.peers():
             if inlet.channel.qos.latched and inlet not in self._greeted:
                 self._greeted.add(inlet)
-                for instant, payload in self._history:
-                    inlet.put(self.channel.name, instant, payload, may_be_lost=True, until=instant)
+                for sent, payload in self._history:
+                    inlet.put(sent, payload, may_be_lost=True, until=sent.instant)
         return True
 
 
@@ -158,10 +174,10 @@ class Inlet(_Link, SupportsSources):
         """Senders that wait for room."""
         self._reception = Reception(channel, self.stats, self._through, self.air.seconds, self.air.instant)
 
-    def put(self, name: str, instant: int, payload: Payload, *, may_be_lost: bool, until: int) -> bool:
-        """Take a message of that channel; False if there was no room until that instant."""
+    def put(self, sent: _Sent, payload: Payload, *, may_be_lost: bool, until: int) -> bool:
+        """Take a message; False if there was no room until that instant."""
         if self._reception.on:
-            payload = self._reception.admit(name, instant, payload)
+            payload = self._reception.admit(sent.channel, sent.instant, payload, sent.source, sent.sequence)
         while len(self._waiting) >= self._depth and not self.closed.is_set():
             if self._lossy:
                 self._waiting.popleft()

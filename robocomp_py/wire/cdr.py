@@ -28,6 +28,7 @@ from ..contract.types import (
     Sequence,
     Struct,
     Type,
+    children,
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .columns import ColumnDictionary, has_columns
@@ -78,6 +79,26 @@ class Cdr:
 
     def decoder(self, message: Struct, *, prefix: bool = False) -> Decoder:
         return _DecodeProgram(message, self._room, self._columns).compile(prefix)
+
+    def standard(self, message: Struct) -> Callable[[Any], Any]:
+        """A function from a received payload, without `TAIL`, to what `Cdr()` would have made, for other programs.
+
+        Where nothing differs, it returns the payload itself. Behind the last field may be up to three further octets.
+        It may raise DecodeError.
+        """
+        if self._columns and _uses_columns(message):
+            decode, encode = self.decoder(message), Cdr().encoder(message)
+            return lambda payload: encode(decode(payload))
+        if self._room:
+            begin = len(ENCAPSULATION) + self._room
+            return lambda payload: b"".join((ENCAPSULATION, memoryview(payload)[begin:]))
+        return lambda payload: payload
+
+
+def _uses_columns(kind: Type) -> bool:
+    if isinstance(kind, Dictionary) and has_columns(kind):
+        return True
+    return any(map(_uses_columns, children(kind)))
 
 
 # What has a fixed size is a run of primitives, its leaves.

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from benchmarks import figures, goals, placement, query, results, versus
+from benchmarks import counters, figures, goals, placement, query, results, versus
 from benchmarks.goals import Finding, failed
 from benchmarks.guard import Probe, compare
 from benchmarks.pair import Pair
@@ -97,6 +97,21 @@ def test_small_messages_are_measured_in_every_place_and_the_affinity_is_restored
 
 
 @LONG
+def test_counters_are_measured_beside_the_same_query_without_them(tmp_path: Path) -> None:
+    _, found = run(tmp_path, "--what", "counters", "--only", "inproc,zeromq,shm")
+    assert {row["middleware"] for row in found["counters"]} == {"inproc", "zeromq", "shm"}
+    assert all(row["counted"] > 0 and row["uncounted"] > 0 and not row["failure"] for row in found["counters"])
+
+
+def test_within_one_process_counters_may_take_a_fifth_of_a_microsecond_and_else_a_fiftieth() -> None:
+    rows = [counters.Row("inproc", 5.2, 5.0, 0.2, 1.04), counters.Row("inproc", 5.3, 5.0, 0.3, 1.06)]
+    rows += [counters.Row("shm", 25.4, 25.0, 0.4, 1.016), counters.Row("shm", 25.6, 25.0, 0.6, 1.024)]
+    rows += [counters.Row("zeromq", failure="gone")]
+    assert [each.met for each in counters.findings(rows)] == [True, False, True, False, False]
+    assert counters.table(rows).rows[1][3:] == ("+0.30 µs", "1.060 ×", "≤ +0.2 µs: missed")
+
+
+@LONG
 def test_ice_is_measured_if_it_is_named(tmp_path: Path) -> None:
     _, found = run(tmp_path, "--what", "query", "--only", "ice", "--sizes", "64")
     [row] = found["query"]
@@ -152,6 +167,18 @@ def test_a_framework_that_ends_does_not_keep_the_others_from_being_measured() ->
     assert "ZeroDivisionError" in rows[1].failure
     assert rows[2].failure == "not installed: pip install it"
     assert "one that is missing" in as_text(versus.table(rows))
+
+
+@LONG
+@pytest.mark.parametrize("middleware", ["zeromq", "dds", "zenoh", "shm"])
+def test_a_recorder_is_measured(middleware: str, tmp_path: Path) -> None:
+    out, found = run(tmp_path, "--what", "record", "--only", middleware, "--seconds", "0.01")
+    assert [(row["middleware"], row["compress"]) for row in found["record"]] == [
+        (middleware, "none"),
+        (middleware, "lz4"),
+    ]
+    assert all(row["sent"] > 0 and row["memory"] > 10 for row in found["record"])
+    assert "rc record: 6 MB at 30 Hz and 200 B at 1000 Hz" in out
 
 
 @LONG

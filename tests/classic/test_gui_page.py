@@ -9,8 +9,8 @@ import pytest
 
 from robocomp_py.classic.workers.qt.needs import provided
 
-from ..docs.pages import steps
-from ..docs.test_docs import DOCS, do
+from ..docs.pages import DOCS, steps
+from ..docs.reader import do
 
 
 def test_the_stand_in_has_what_the_page_names() -> None:

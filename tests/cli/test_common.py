@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.cli.common import command
+from robocomp_py.cli.common import command, print_table
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcgen import main as rcgen
 
@@ -207,3 +207,12 @@ def test_a_signal_while_a_class_is_made_ends_a_command_as_any_other_time(name: s
     script = WITHIN.format(name=name, doing=doing)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", "")
+
+
+def test_a_table_of_plain_text_is_the_same_with_and_without_wrapping(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [("world", "1"), ("a longer name", "")]
+    print_table(("name", "number"), rows)
+    plain = capsys.readouterr().out
+    assert plain == "name           number\nworld          1\na longer name\n"
+    print_table(("name", "number"), [*rows, ("…", "2")])
+    assert capsys.readouterr().out == f"{plain}…              2\n"

@@ -12,7 +12,7 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 
 from ..docs.pages import ROOT, steps
-from ..docs.test_docs import do
+from ..docs.reader import do
 
 Said = pytest.CaptureFixture[str]
 

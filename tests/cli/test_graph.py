@@ -103,3 +103,30 @@ def test_without_what_makes_pixels_it_is_said_what_to_install(
 def test_what_cannot_be_done_is_said(folder: Path, capsys: Said, arguments: list[str], said: str) -> None:
     assert rc(["graph", *arguments]) == 1
     assert said in capsys.readouterr().err
+
+
+# What runs.
+
+
+def test_what_is_declared_and_does_not_run_is_drawn_as_missing(network: Path, capsys: Said) -> None:
+    assert rc(["graph", "net.ddsl", "--live", "-o", "now.svg"]) == 0
+    drawn = (network.parent / "now.svg").read_text()
+    boxes = [each for each in ElementTree.fromstring(drawn).iter() if each.get("class") == "missing"]
+    assert [each.tag.rpartition("}")[2] for each in boxes] == ["rect", "rect"]
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        (["nowhere", "--live"], 2, "nowhere is no network that runs here; give it a DDSL file"),
+        (["nowhere.ddsl", "--live"], 1, "nowhere.ddsl cannot be read"),
+        (["net.ddsl", "--live", "--middleware", "dds"], 2, "--live shows what runs: leave out --middleware and --set"),
+        (["net.ddsl", "--live", "-o", "net.dot"], 1, "net.dot: what runs is drawn as .svg, .png; use one of these"),
+    ],
+)
+def test_what_cannot_be_drawn_alive_is_told(
+    network: Path, words: list[str], code: int, text: str, capsys: Said
+) -> None:
+    assert rc(["graph", *words]) == code
+    assert text in capsys.readouterr().err

@@ -19,7 +19,7 @@ import pytest
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.shm.node import prefix
+from robocomp_py.transports.shm.room import prefix
 
 Said = pytest.CaptureFixture[str]
 

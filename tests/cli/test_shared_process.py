@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -201,14 +202,23 @@ INSIDE = """
 """
 
 
-def test_a_network_can_be_one_process_with_messages_inside_it(folder: Path) -> None:
-    with running("rcdeploy", network(folder, INSIDE), "--until", "brief") as deployer:
+def test_a_network_can_be_one_process_with_messages_inside_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = ("--record-logs", "json", "--log-dir", tmp_path)
+    with running("rcdeploy", network(folder, INSIDE), "--until", "brief", *kept) as deployer:
         pass
     text = "\n".join(deployer.lines)
     assert deployer.returncode == 0, text
     assert "rcdeploy │ all 3 components of net are ready" in text
     assert "rcdeploy │ stopping: brief has ended" in text
     assert "body │ asking: asked: Hello, Ada!" in text
+    assert rcdeploy(["logs", "net", "--json", "--level", "info", "--grep", "^asked"]) == 0
+    [record] = map(json.loads, capsys.readouterr().out.splitlines())
+    assert [record[key] for key in ("name", "instance", "level", "text")] == [
+        *("body", "asking", "info", "asked: Hello, Ada!")
+    ]
+    assert record["file"].endswith("asking/hello/specificworker.py")
 
 
 def test_a_killed_process_is_reported_once_with_all_that_were_in_it(folder: Path) -> None:

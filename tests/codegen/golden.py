@@ -18,9 +18,12 @@ GOLDEN = Path(__file__).parent / "golden"
 PACKAGE = Path(robocomp_py.__file__).parent
 OWN = {
     SHIPPED / "CommonBehavior.idsl": PACKAGE / "runtime" / "RoboCompCommonBehavior.py",
+    SHIPPED / "Introspection.idsl": PACKAGE / "runtime" / "RoboCompIntrospection.py",
     PACKAGE / "lockstep" / "Lockstep.idsl": PACKAGE / "lockstep" / "RoboCompLockstep.py",
 }
 """The generated files that are part of the run time, by their sources."""
+
+TEXTS = PACKAGE / "runtime" / "introspected.py"
 
 
 def expected() -> Iterator[tuple[Path, str]]:
@@ -34,6 +37,27 @@ def expected() -> Iterator[tuple[Path, str]]:
         interfaces = [each for each in module.definitions if isinstance(each, Interface)]
         required = () if source.is_relative_to(SHIPPED) else [Port(Verb.REQUIRES, each) for each in interfaces]
         yield path, generate_module(module, required)
+
+    yield TEXTS, _introspected()
+
+
+def _introspected() -> str:
+    """The contracts of `Introspection` that its port announces before its types are imported."""
+    module = Workspace().interfaces(SHIPPED / "Introspection.idsl")
+    assert module is not None
+    interface = next(each for each in module.definitions if isinstance(each, Interface))
+    lines = []
+    for operation in interface.operations:
+        if operation.outputs:
+            lines += [f'    "{operation.name}": """\\', f'{operation.text}""",']
+    return "\n".join((*_HEAD, *lines, "}", ""))
+
+
+_HEAD = (
+    '"""The contracts of `Introspection`, by operation. Made by `make golden`: edits are lost."""',
+    "",
+    "TEXTS = {",
+)
 
 
 def main() -> None:

@@ -263,7 +263,7 @@ def test_the_channels_listed_are_those_a_component_uses(middleware: str) -> None
         made.stop()
         thread.join(SOON)
     others = {each[1].split("/")[-2] for each in noting.noted - listed if each[0] == middleware}
-    assert others <= {"CommonBehavior"}
+    assert others <= {"CommonBehavior", "Introspection"}
 
 
 def test_the_headers_listed_are_those_that_travel() -> None:

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from robocomp_py.codegen.rosmsg import package_of, snake
+from robocomp_py.contract.rosnames import package_of, snake
 
 from .exported import SHIPPED_FILES, exported, in_format
 from .generated import MODELS

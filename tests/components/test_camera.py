@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 from camera.generic.RoboCompCameraSimple import HardwareFailedException
 from camera.generic.RoboCompGenericBase import TBaseState
@@ -45,3 +47,19 @@ def test_another_pose_gives_another_picture() -> None:
         first = bytes(component.received(IMAGE)[0][0].image)
         component.send("DifferentialRobotPub.pushBaseState", TBaseState(correctedX=6000.0, correctedZ=1500.0))
         component.wait_for(lambda: bytes(component.received(IMAGE)[-1][0].image) != first)
+
+
+@pytest.mark.parametrize("field", ["correctedX", "correctedZ", "correctedAlpha"])
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_an_impossible_pose_is_ignored(field: str, wrong: float) -> None:
+    with ComponentTest(SpecificWorker, SMALL, virtual=True) as component:
+        component.send("DifferentialRobotPub.pushBaseState", TBaseState(**{field: wrong}))
+        component.wait_for_computes(3)
+        assert not component.received(IMAGE)
+        component.send("DifferentialRobotPub.pushBaseState", POSE)
+        component.wait_for(lambda: component.received(IMAGE))
+        component.send("DifferentialRobotPub.pushBaseState", TBaseState(**{field: wrong}))
+        component.wait_for_computes(3)
+        (first,), (last,) = component.received(IMAGE)[0], component.received(IMAGE)[-1]
+    assert component.fine
+    assert bytes(last.image) == bytes(first.image)

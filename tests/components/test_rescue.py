@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -146,6 +147,23 @@ def test_an_empty_battery_fails_the_mission(caplog: pytest.LogCaptureFixture) ->
         world.component.wait_for(lambda: world.component.worker.state == "ended")
     assert not world.component.fine
     assert "the battery is empty" in caplog.text
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_numbers_that_were_not_measured_are_ignored(wrong: float) -> None:
+    with mission() as world:
+        world.show(red_px=80)
+        world.charge(wrong)
+        world.place(wrong, 0.0)
+        world.component.wait_for_computes(3)
+        assert not world.calls(GO)
+        world.charge(60.0)
+        world.place(1500.0, 2500.0)
+        world.charge(wrong)
+        world.place(0.0, wrong)
+        world.component.wait_for(lambda: world.calls("speech.say"))
+    assert "1.5, 2.5" in world.calls("speech.say")[0][0]
+    assert world.component.fine
 
 
 def test_it_tells_its_story(caplog: pytest.LogCaptureFixture) -> None:

@@ -9,6 +9,7 @@ from wander.generic.RoboCompGenericBase import TBaseState
 from wander.generic.RoboCompLaser import TData
 from wander.specificworker import SpecificWorker
 
+from robocomp_py.errors import RemoteFailure
 from robocomp_py.testing.components import ComponentTest
 
 FAST = {"component.period": 0.002}
@@ -167,3 +168,73 @@ def test_a_command_during_the_wait_for_a_scan_counts() -> None:
         component.wait_for_computes(5)
     assert component.fine
     assert not component.received(SPEED)
+
+
+def nowhere(operation: str, *arguments: Any) -> None:
+    """It refuses a command, and neither moves nor ends."""
+    with wander() as component:
+        with pytest.raises(RemoteFailure, match="must be finite"):
+            component.call(operation, *arguments)
+        component.send("LaserPub.pushLaserData", scan())
+        component.wait_for_computes(5)
+    assert component.fine
+    assert not component.received(SPEED)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_place_that_is_no_place_is_refused(wrong: float) -> None:
+    nowhere("GotoPoint.go", "", wrong, 0.0, 0.0)
+    nowhere("GotoPoint.go", "", 0.0, wrong, 0.0)
+    nowhere("GotoPoint.go", "", 0.0, 0.0, wrong)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, -math.inf])
+def test_a_turn_at_no_speed_is_refused(wrong: float) -> None:
+    nowhere("GotoPoint.turn", wrong)
+
+
+BLIND = [[], [TData(0.0, math.nan)], [TData(math.inf, 1000.0)], [TData(math.nan, math.inf)]]
+
+
+@pytest.mark.parametrize("blind", BLIND)
+def test_without_a_measure_an_exploration_stands_still_until_the_next_scan(blind: list[TData]) -> None:
+    with wander() as component:
+        component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+        assert explore(component, scan())[0] > 0
+        component.send("LaserPub.pushLaserData", blind)
+        component.wait_for(lambda: component.received(STOP))
+        assert explore(component, scan())[0] > 0
+    assert component.fine
+
+
+def test_measures_that_are_no_numbers_are_ignored() -> None:
+    measures = scan(ahead=0.6)
+    measures[20:30] = [TData(measure.angle, math.nan) for measure in measures[20:30]]
+    with wander() as component:
+        component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+        assert all(map(math.isfinite, explore(component, measures)))
+    assert component.fine
+
+
+def test_a_laser_that_sees_one_side_only_is_enough() -> None:
+    with wander() as component:
+        for _ in range(2):
+            component.call("GotoPoint.go", "anywhere", 0.0, 0.0, 0.0)
+            assert explore(component, [TData(1.0, 5000.0)])[0] > 0
+    assert component.fine
+
+
+@pytest.mark.parametrize("seen", [(scan(), at(x=math.nan)), (scan(), at(alpha=math.inf)), ([], at())])
+def test_without_a_scan_or_a_pose_it_stands_still_on_its_way(seen: tuple[list[TData], TBaseState]) -> None:
+    now = scan(), at()
+    with wander(lambda: now) as component:
+        component.call("GotoPoint.go", "", 0.0, 3000.0, 0.0)
+        component.wait_for(lambda: component.received(SPEED))
+        now = seen
+        component.wait_for(lambda: component.received(STOP))
+        driven = len(component.received(SPEED))
+        component.wait_for_computes(3)
+        assert len(component.received(SPEED)) == driven
+        now = scan(), at()
+        component.wait_for(lambda: len(component.received(SPEED)) > driven)
+    assert component.fine

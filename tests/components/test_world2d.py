@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from world2d.generic.RoboCompBatteryStatus import BatteryStates
-from world2d.generic.RoboCompGenericBase import TBaseState
+from world2d.generic.RoboCompGenericBase import HardwareFailedException, TBaseState
 from world2d.specificworker import SpecificWorker
 
 from robocomp_py.testing.components import ComponentTest
@@ -90,6 +90,38 @@ def test_an_odometer_can_be_set_and_corrected() -> None:
         component.call("DifferentialRobot.setOdometer", TBaseState(x=1, z=2, correctedX=3, correctedZ=4))
         state = component.call(STATE)
         assert (state.x, state.z, state.correctedX, state.correctedZ) == pytest.approx((1, 2, 3, 4))
+
+
+@pytest.mark.parametrize("speeds", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)])
+def test_speeds_that_are_no_numbers_are_refused_and_the_old_ones_remain(speeds: tuple[float, float]) -> None:
+    with world(step=0.001) as component:
+        component.call(SPEED, 100.0, 0.5)
+        with pytest.raises(HardwareFailedException, match="must be finite"):
+            component.call(SPEED, *speeds)
+        component.wait_for_computes(3)
+        assert component.call(STATE).advVz == pytest.approx(100)
+        assert component.call(STATE).rotV == pytest.approx(0.5)
+    assert component.fine
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 3e38])
+def test_an_impossible_pose_is_refused_and_the_old_one_remains(wrong: float) -> None:
+    heading = math.inf if wrong == 3e38 else wrong
+    refused = [
+        ("setOdometerPose", 1, 2, heading),
+        ("correctOdometer", 1, 2, heading),
+        *(("setOdometer", TBaseState(**{name: wrong})) for name in ("x", "z", "correctedX", "correctedZ")),
+        *(("setOdometer", TBaseState(**{name: heading})) for name in ("alpha", "correctedAlpha")),
+    ]
+    with world() as component:
+        before = component.call(STATE)
+        for operation, *arguments in refused:
+            with pytest.raises(HardwareFailedException, match="not a pose"):
+                component.call(f"DifferentialRobot.{operation}", *arguments)
+        component.wait_for_computes(3)
+        assert component.call(STATE) == before
+        assert component.call("DifferentialRobot.getBasePose")
+    assert component.fine
 
 
 def test_the_battery_is_disconnected_away_from_the_charger() -> None:

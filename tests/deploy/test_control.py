@@ -14,14 +14,15 @@ from typing import Any
 import pytest
 
 from robocomp_py.deploy import client
-from robocomp_py.deploy.client import Connection, NotRunning, Stuck, lines, network_of, networks
-from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, MOST_LINES, Control, read_request
+from robocomp_py.deploy.client import Connection, NotRunning, Stuck, chosen_lines, lines, network_of, networks
+from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, Control, read_request
 from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
-from robocomp_py.deploy.ring import Line, Ring
+from robocomp_py.deploy.ring import MOST_LINES, Line, Ring
 from robocomp_py.deploy.snapshot import HostStatus
 from robocomp_py.deploy.sockets import listening
 from robocomp_py.errors import DeploymentError, HostUnreachable
+from robocomp_py.runtime.records import Record
 from robocomp_py.testing.patience import SOON, wait_until
 
 from ..crowd import crowded
@@ -152,7 +153,7 @@ def test_a_refusal_has_a_message(running: Running) -> None:
         (b'{"names": []}', 'a request is a JSON object with a key "do"'),
         (b'{"do": 1}', '"do" of a request is a word'),
         (b'{"do": "dance"}', "there is no request `dance`"),
-        (b'{"do": "status", "who": 1}', 'a request has no "who"; it may have: do, names, count, follow, grace'),
+        (b'{"do": "status", "who": 1}', 'a request has no "who"; it may have: do, names, count, follow, mark, grace'),
         (b'{"do": "restart", "names": "laser"}', '"names" of a request is a list of names'),
         (b'{"do": "restart", "names": [1]}', '"names" of a request is a list of names'),
         (b'{"do": "down", "grace": -1}', '"grace" of a request is a number of seconds'),
@@ -311,10 +312,10 @@ def test_the_last_lines_are_sent_in_the_order_of_arrival(running: Running) -> No
     running.write("laser", "one", "two")
     running.write("left/arm", "three")
     running.write("laser", "four")
-    last = [(NOW, "laser", "two"), (NOW, "left/arm", "three"), (NOW, "laser", "four")]
+    last = [Line(NOW, "laser", "two"), Line(NOW, "left/arm", "three"), Line(NOW, "laser", "four")]
     with Connection("home") as connection:
         assert list(lines(connection, [], 3, follow=False)) == last
-        assert list(lines(connection, ["left"], 10, follow=False)) == [(NOW, "left/arm", "three")]
+        assert list(lines(connection, ["left"], 10, follow=False)) == [Line(NOW, "left/arm", "three")]
         assert list(lines(connection, [], 0, follow=False)) == []
 
 
@@ -322,7 +323,7 @@ def test_the_deployer_has_lines_of_its_own(running: Running) -> None:
     running.write("laser", "one")
     running.write("rcdeploy", "all are ready")
     with Connection("home") as connection:
-        assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [(NOW, "rcdeploy", "all are ready")]
+        assert list(lines(connection, ["rcdeploy"], 10, follow=False)) == [Line(NOW, "rcdeploy", "all are ready")]
 
 
 def test_a_following_client_gets_lines_until_the_network_ends(start: Start) -> None:
@@ -330,23 +331,48 @@ def test_a_following_client_gets_lines_until_the_network_ends(start: Start) -> N
     brief.write("laser", "before")
     with Connection("brief") as connection:
         following = lines(connection, ["laser"], 10, follow=True)
-        assert next(following) == (NOW, "laser", "before")
+        assert next(following) == Line(NOW, "laser", "before")
         brief.write("arm", "of somebody else")
         brief.write("laser", "after")
-        assert next(following) == (NOW, "laser", "after")
+        assert next(following) == Line(NOW, "laser", "after")
         brief.close()
         assert list(following) == []
+
+
+def test_of_chosen_lines_the_newest_and_the_new_ones_are_told(start: Start) -> None:
+    brief = start(Standing(process("laser")), "brief")
+
+    def errors(line: Line) -> bool:
+        return line.level == "ERROR"
+
+    brief.write("laser", *(f"{level}: {number}" for number in range(5) for level in ("ERROR", "INFO")))
+    with Connection("brief") as connection:
+        assert [line.text for line in chosen_lines(connection, [], 2, errors, follow=False)] == ["ERROR: 3", "ERROR: 4"]
+        following = chosen_lines(connection, [], 1, errors, follow=True)
+        assert next(following) == Line(NOW, "laser", "ERROR: 4")
+        brief.write("laser", "INFO: 5", "ERROR: 5")
+        assert next(following) == Line(NOW, "laser", "ERROR: 5")
+        brief.close()
+        assert list(following) == []
+
+
+def test_a_record_is_told_with_its_fields(running: Running) -> None:
+    record = Record(1.5, "ERROR", "left", "left", "compute", "w.py", 7, "failed\nValueError: no")
+    line = Line(NOW, "laser", "ERROR: left: failed\nValueError: no", record)
+    running.call(lambda: running.ring.write(line))
+    with Connection("home") as connection:
+        assert list(lines(connection, ["laser"], 1, follow=False)) == [line]
 
 
 def test_a_slow_client_gets_the_number_of_lost_lines(running: Running) -> None:
     with Connection("home") as connection:
         running.write("laser", "before")
         following = lines(connection, [], 1, follow=True)
-        assert next(following) == (NOW, "laser", "before")
+        assert next(following) == Line(NOW, "laser", "before")
         running.write("laser", *(str(number) for number in range(BEHIND + 7)))  # all of them before any is sent
         told = [next(following) for _ in range(BEHIND + 1)]
-    assert told[-2] == (NOW, "laser", str(BEHIND - 1))
-    assert told[-1][1:] == ("", "(7 lines were lost: they came faster than they were read)")
+    assert told[-2] == Line(NOW, "laser", str(BEHIND - 1))
+    assert told[-1][1:3] == ("", "(7 lines were lost: they came faster than they were read)")
 
 
 def test_a_process_that_prints_much_keeps_the_lines_of_others() -> None:
@@ -356,11 +382,11 @@ def test_a_process_that_prints_much_keeps_the_lines_of_others() -> None:
         ring.write(Line(NOW, "noisy", str(number)))
     for number in range(100):
         ring.write(Line(NOW, "wordy", str(number) * 2048))
-    assert ring.last(["quiet"], 10) == [(NOW, "quiet", "once")]
-    assert ring.last([], 10000)[0] == (NOW, "quiet", "once")
+    assert ring.last(["quiet"], 10) == [Line(NOW, "quiet", "once")]
+    assert ring.last([], 10000)[0] == Line(NOW, "quiet", "once")
     assert len(ring.last(["noisy"], 10000)) == 1000
-    assert ring.last(["noisy"], 1) == [(NOW, "noisy", "4999")]
-    assert sum(len(text) for _, _, text in ring.last(["wordy"], 10000)) <= 65536
+    assert ring.last(["noisy"], 1) == [Line(NOW, "noisy", "4999")]
+    assert sum(len(line.text) for line in ring.last(["wordy"], 10000)) <= 65536
 
 
 # What takes its time.

@@ -6,13 +6,15 @@ import json
 import resource
 import signal
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.logs import KEPT, Form, Logs, logged_names, past_lines
-from robocomp_py.deploy.ring import Line
+from robocomp_py.deploy.logs import KEPT, Form, Logs, logged_names, past_lines, told
+from robocomp_py.deploy.ring import Line, printed
 from robocomp_py.errors import DeploymentError
+from robocomp_py.runtime.records import MARK, Record
 
 
 @pytest.fixture
@@ -55,6 +57,42 @@ def test_lines_of_earlier_runs_are_left_out_where_only_the_newest_is_asked_for(t
     assert (logged_names(tmp_path), logged_names(tmp_path, ["lef"])) == (["left.arm"], [])
 
 
+TRACEBACK = Record(1.5, "ERROR", "left", "left", "compute", "w.py", 7, "failed\nTraceback:\n  ValueError: no")
+
+
+@pytest.mark.parametrize("form", Form)
+def test_a_record_of_several_lines_is_one_line_again_when_it_is_read(tmp_path: Path, form: Form) -> None:
+    logs = Logs(tmp_path, form=form)
+    logs.write(Line(1.0, "both", "printed"))
+    logs.write(printed(2.0, "both", MARK + json.dumps(asdict(TRACEBACK))))
+    logs.write(Line(3.0, "both", "\tprinted, too"))
+    logs.close()
+    _, record, last = past_lines(tmp_path, [], 10)
+    assert (record.at, record.level, last.text) == (2.0, "ERROR", "\tprinted, too")
+    assert record.text == "ERROR: left: failed\nTraceback:\n  ValueError: no"
+    assert record.record == (TRACEBACK if form is Form.JSON else None)
+    assert past_lines(tmp_path, [], 1, 0.0, lambda line: line.level == "ERROR") == [record]
+
+
+def test_json_that_is_no_record_is_a_printed_line() -> None:
+    whole = asdict(TRACEBACK)
+    for wrong in ({**whole, "level": "LOUD"}, {**whole, "time": 1e300}, {**whole, "line": True}, {"text": "a"}, [], 1):
+        line = MARK + json.dumps(wrong)
+        assert printed(1.0, "laser", line) == Line(1.0, "laser", line)
+    for broken in ("", "{", "[" * 3000, '{"time": NaN}'):
+        assert printed(1.0, "laser", MARK + broken).record is None
+
+
+def test_what_machines_are_told_of_a_record(tmp_path: Path) -> None:
+    line = printed(2.0, "both", MARK + json.dumps(asdict(TRACEBACK)))
+    when = "1970-01-01T00:00:0{}+00:00"
+    assert told(line) == {
+        **{"time": when.format("2.000000"), "logged": when.format("1.500000"), "name": "both", "instance": "left"},
+        **{"level": "error", "logger": "left", "thread": "compute", "file": "w.py", "line": 7},
+        "text": TRACEBACK.text,
+    }
+
+
 def test_a_name_is_no_path(logs: Logs) -> None:
     logs.write(Line(1.0, "../../etc/passwd", "root"))
     assert [path.name for path in logs.folder.iterdir()] == ["etc.passwd.log"]
@@ -84,9 +122,9 @@ def test_the_newest_lines_come_from_several_files_in_order(logs: Logs) -> None:
         logs.write(Line(number, "noisy", f"{number} " + "x" * 1000))
         logs.write(Line(number + 0.5, "quiet", str(number)))
     assert (logs.folder / "noisy.log.1").exists()
-    newest = [text.split()[0] for _, _, text in past_lines(logs.folder, ["noisy"], 20)]
+    newest = [line.text.split()[0] for line in past_lines(logs.folder, ["noisy"], 20)]
     assert newest == [str(number) for number in range(50, 70)]
-    assert [text.split()[0] for _, _, text in past_lines(logs.folder, [], 4)] == ["68", "68", "69", "69"]
+    assert [line.text.split()[0] for line in past_lines(logs.folder, [], 4)] == ["68", "68", "69", "69"]
     assert past_lines(logs.folder, ["nobody"], 4) == []
 
 
@@ -95,7 +133,7 @@ def test_a_line_is_one_whatever_is_in_it(logs: Logs) -> None:
     for line in lines:
         logs.write(Line(1.0, "laser", line))
     kept = ["50 %100 % done", "a pageanother one", "\\u2028", "the last one"]
-    assert [text for _, _, text in past_lines(logs.folder, ["laser"], 10)] == kept
+    assert [line.text for line in past_lines(logs.folder, ["laser"], 10)] == kept
 
 
 def test_lines_lost_on_a_full_disk_are_reported_once_and_counted(logs: Logs, caplog: pytest.LogCaptureFixture) -> None:

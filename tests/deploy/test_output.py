@@ -116,3 +116,20 @@ def test_what_is_no_text_is_shown_as_such_and_loses_nothing_else(pipe: tuple[int
 
     asyncio.run(story())
     assert lines == ["a\ufffdb", "", "y" * LINE, "last\ufffd"]
+
+
+def test_a_record_that_follows_an_unfinished_line_comes_whole(pipe: tuple[int, int]) -> None:
+    lines: list[str] = []
+    record = "\x1e{" + "x" * 3990 + "}"
+
+    async def story() -> None:
+        printed = Output(pipe[0], lines.append)
+        os.write(pipe[1], f"loading {'.' * 500}{record}\n{record}\nmore\n".encode())
+        os.write(pipe[1], ("." * 1000 + record[:3500]).encode())
+        await have_come(lines, 4)
+        os.write(pipe[1], (record[3500:] + "\n").encode())
+        await have_come(lines, 6)
+        printed.close()
+
+    asyncio.run(story())
+    assert lines == ["loading " + "." * 500, record, record, "more", "." * 1000, record]

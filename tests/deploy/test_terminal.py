@@ -155,7 +155,7 @@ def test_after_detaching_nothing_is_shown_but_all_is_logged(place: Place) -> Non
         assert shown(made) == before
 
     watched(made, Standing(process("laser"), process("arm")), deed)
-    assert [line[1:] for line in made._ring.last([], 2)] == [("laser", "unseen"), ("rcdeploy", "stopping: asked to")]
+    assert [line[1:3] for line in made._ring.last([], 2)] == [("laser", "unseen"), ("rcdeploy", "stopping: asked to")]
 
 
 def test_what_is_logged_about_launching_is_said_and_kept_like_all_else(
@@ -167,7 +167,7 @@ def test_what_is_logged_about_launching_is_said_and_kept_like_all_else(
         log.warning("%d processes were left", 2)
     log.warning("later")
     assert shown(made) == f"{NOON} rcdeploy │ 2 processes were left\n"
-    assert [line[1:] for line in made._ring.last([], 9)] == [("rcdeploy", "2 processes were left")]
+    assert [line[1:3] for line in made._ring.last([], 9)] == [("rcdeploy", "2 processes were left")]
     assert "left" not in capsys.readouterr().err
 
 

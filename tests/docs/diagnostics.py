@@ -31,7 +31,7 @@ from .pages import ROOT
 PAGES = ROOT / "docs" / "diagnostics"
 INDEX = PAGES / "README.md"
 
-LANGUAGES = ("IDSL", "CDSL", "PDSL", "DDSL", "SMDSL", "configuration", "Python")
+LANGUAGES = ("IDSL", "CDSL", "PDSL", "DDSL", "SMDSL", "InnerModel", "configuration", "Python")
 SEVERAL = "Several languages"
 
 _PROGRAMS = {"rc": rc.main, "rcgen": rcgen.main, "rcdeploy": rcdeploy.main}

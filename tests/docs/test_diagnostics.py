@@ -56,7 +56,7 @@ def test_every_code_has_a_page_and_every_page_a_code() -> None:
 def test_a_page_names_every_language_in_which_its_code_occurs() -> None:
     named = {page.code: page.languages for page in EVERY}
     for path in (each for each in FILES if each.suffix != ".txt"):  # which is that of no language
-        language = "SMDSL" if path.suffix == ".scxml" else path.suffix[1:].upper()
+        language = {".scxml": "SMDSL", ".xml": "InnerModel"}.get(path.suffix, path.suffix[1:].upper())
         for _, _, code in announced(path):
             assert language in named[code], f"{path}: {code} occurs in {language}"
 

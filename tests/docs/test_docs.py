@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
-import threading
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,167 +19,14 @@ from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from robocomp_py.runtime.settings import LOG_LEVELS
 from robocomp_py.runtime.worker import HOOKS, Worker
-from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports import iceoptions
 from robocomp_py.transports.base import TransportConfig, find_transport
 from robocomp_py.transports.iceoptions import IceOptions
 
-from .pages import ROOT, Command, File, blocks, steps
+from .pages import DOCS, ROOT, Command, File, blocks, steps
+from .reader import do
 
-DOCS = ROOT / "docs"
 LANGUAGES = ("idsl", "cdsl", "pdsl", "ddsl", "smdsl")
-AWAITED = re.compile(r"^(?!rcdeploy simulate).*--for |rcdeploy logs ")
-"""What shows what others have printed until then: on a slow machine, nothing yet."""
-
-
-def do(step: File | Command, folder: Path, **variables: str) -> None:
-    if isinstance(step, File):
-        path = folder / step.path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(step.text, encoding="utf-8")
-        return
-    output, code = run(step, folder, **variables)
-    for _ in range(3):
-        if step.pattern.match(output) or not AWAITED.search(step.text) or code != 0:
-            break
-        print(output)
-        step = replace(step, text=re.sub(r"--for (\S+)", lambda found: f"--for {2 * float(found[1]):g}", step.text))
-        output, code = run(step, folder, **variables)
-    assert step.pattern.match(output), f"$ {step.text}\n{output}\n--- expected:\n" + "\n".join(step.output)
-    assert code == (130 if step.interrupted else step.exit_code), output
-
-
-def run(step: Command, folder: Path, **variables: str) -> tuple[str, int]:
-    """What it prints, and its exit code."""
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTEST_ADDOPTS": "-p no:cacheprovider",
-        "COLUMNS": "120",
-        **variables,
-    }
-    process = subprocess.Popen(
-        ["bash", "-c", f"exec {step.text}"], cwd=folder, env=environment, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    )  # fmt: skip
-    said: list[str] = []
-    assert process.stdout is not None
-    reader = threading.Thread(target=said.extend, args=(process.stdout,))
-    reader.start()
-    try:
-        if step.interrupted:
-            wait_until(lambda: step.pattern.match("".join(said)), SOON * 3, f"{step.text}: {step.output}")
-            process.send_signal(signal.SIGINT)
-        process.wait(SOON * 6)
-    finally:
-        process.kill()
-        reader.join()
-        process.stdout.close()
-    return "".join(said), process.returncode
-
-
-def test_the_tutorial_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "tutorials" / "first-component.md"))
-    assert len(done) > 15
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_minute_of_the_readme_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(ROOT / "README.md"))
-    assert len(done) > 6
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_state_machines_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "tutorials" / "state-machine.md"))
-    assert len(done) > 7
-    for step in done:
-        do(step, tmp_path)
-    assert (DOCS / "images" / "patrol.svg").read_text() == (tmp_path / "patrol.svg").read_text(), "draw it again"
-
-
-def test_the_guide_to_components_of_robocomp_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "existing.md"))
-    assert len(done) > 5
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_shared_processes_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "processes.md"))
-    assert len(done) > 6
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_testing_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "testing.md"))
-    assert len(done) > 10
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_actions_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "actions.md"))
-    assert len(done) > 9
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_virtual_time_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "simulating.md"))
-    assert len(done) > 9
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_named_instances_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "named-instances.md"))
-    assert len(done) > 15
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_page_on_time_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "reference" / "time.md"))
-    assert len(done) > 6
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_supervision_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "supervision.md"))
-    assert len(done) > 4
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_several_hosts_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "hosts.md"))
-    assert len(done) > 6
-    for step in done:
-        do(step, tmp_path)
-
-
-def test_the_guide_to_security_works_as_written(tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / "security.md"))
-    assert len(done) > 6
-    for step in done:
-        do(step, tmp_path)
-
-
-@pytest.mark.parametrize(("page", "least", "network"), [("deploying", 12, "home"), ("looking", 12, "house")])
-def test_a_guide_with_a_detached_network_works_as_written(page: str, least: int, network: str, tmp_path: Path) -> None:
-    done = list(steps(DOCS / "guides" / f"{page}.md"))
-    assert len(done) > least
-    try:
-        for step in done:
-            do(step, tmp_path)
-    finally:
-        subprocess.run(
-            [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "down", network, "--now"], capture_output=True
-        )
 
 
 def test_the_picture_of_the_example_network_is_as_it_would_be_drawn(tmp_path: Path) -> None:
@@ -264,6 +105,11 @@ def test_the_smallest_transport_of_the_guide_keeps_the_contract(tmp_path: Path) 
         if isinstance(step, File):
             do(step, tmp_path)
     do(Command("python -m pytest --quiet test_counting.py", ["...", "...passed in ..."]), tmp_path)
+
+
+def test_the_transport_over_tcp_of_the_guide_is_the_tested_one() -> None:
+    (shown,) = (step.text for step in steps(TRANSPORTS) if isinstance(step, File) and step.path == "tcp.py")
+    assert shown == (ROOT / "tests" / "transports" / "tcp.py").read_text()
 
 
 @pytest.mark.tool  # needs nothing but time, to build and install it: `make test-tools` has more of it

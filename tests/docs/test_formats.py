@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from .pages import Command, steps
-from .test_docs import DOCS, do
+from .pages import DOCS, Command, steps
+from .reader import do
 
 PAGE = DOCS / "guides" / "formats.md"
 

@@ -21,6 +21,7 @@ _SLUG_AT = {
     "_check_names": 2,
     "Complaint": 2,
     "_complain": 0,
+    "_give_up": 0,
 }
 """Which argument of a call is a slug."""
 
@@ -31,7 +32,7 @@ _NEITHER = ("log", "made", "usage")
 def every_slug() -> set[str]:
     """Those of the languages, of the generator, of the deployer, of the commands, and of configurations."""
     parts = [PACKAGE / name for name in ("dsl", "codegen", "deploy", "cli", "lsp", "usercode", "classic")]
-    checks = [PACKAGE / name for name in ("contract/parameters.py", "runtime/settings.py")]
+    checks = [PACKAGE / name for name in ("contract/parameters.py", "runtime/settings.py", "innermodel/read.py")]
     checks += [PACKAGE / "transports" / name for name in ("iceoptions.py", "ice/places.py")]
     return slugs_in([*checks, *(path for part in parts for path in part.rglob("*.py"))])
 

@@ -18,6 +18,7 @@ CONVERTED = sorted(HERE.parent.glob("codegen/errors/*/*.idsl"))
 """Those whose mistakes other languages have; they are tested in codegen/test_formats.py."""
 
 SOURCES = [*sorted((PACKAGE / "dsl").rglob("*.py")), *sorted((PACKAGE / "codegen").glob("*.py"))]
+SOURCES += [PACKAGE / "innermodel" / "read.py"]
 SOURCES += [PACKAGE / "cli" / name for name in ("common.py", "rc.py", "rcgen.py")]
 
 TESTED_ELSEWHERE = {"unreadable", "too-large"}

@@ -90,7 +90,7 @@ MODELS = {
     ],
 }
 
-slow = settings(max_examples=100)
+usual = settings(max_examples=50)  # `make fuzz` tries thousands
 
 
 def lint(ending: str, text: str) -> None:
@@ -114,14 +114,14 @@ def lint(ending: str, text: str) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@slow
+@usual
 @given(data=st.data())
 def test_any_text_is_understood_or_complained_about(ending: str, data: st.DataObject) -> None:
     lint(ending, data.draw(st.text(max_size=300)))
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@slow
+@usual
 @given(data=st.data())
 def test_any_words_of_the_language_are_understood_or_complained_about(ending: str, data: st.DataObject) -> None:
     words = st.sampled_from([*COMMON, *WORDS[ending].split()])
@@ -129,7 +129,7 @@ def test_any_words_of_the_language_are_understood_or_complained_about(ending: st
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@slow
+@usual
 @given(data=st.data())
 def test_any_damage_to_a_file_is_survived(ending: str, data: st.DataObject) -> None:
     text = data.draw(st.sampled_from(MODELS[ending]))

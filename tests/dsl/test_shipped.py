@@ -34,12 +34,20 @@ PUBLIC = {
     "Laser.getLaserAndBStateData": 0x843409F3D46F8F74,
     "Laser.getLaserConfData": 0x38F88D1E3F4E88CC,
     "LaserPub.pushLaserData": 0xB1371EF65AE42C9C,
+    "OmniRobot.getBaseState": 0x5646C78CAB4E32FD,
+    "OmniRobot.getBasePose": 0x41D8FB2DED735C5D,
+    "OmniRobot.setSpeedBase": 0x114EDF359AEBC31C,
+    "OmniRobot.stopBase": 0x207CBE12E06AC38C,
+    "OmniRobot.resetOdometer": 0x0325B972CB201DA6,
+    "OmniRobot.setOdometer": 0xB4045EB03CB24E4D,
+    "OmniRobot.setOdometerPose": 0x4D59CBD27295053C,
+    "OmniRobot.correctOdometer": 0xFF290CFDDE6E00AD,
     "Speech.say": 0x2BBB78A9CBC16722,
     "Speech.isBusy": 0xFFD303AF5E61679D,
 }
 """Fingerprint of each operation, types and exceptions included, as computed from RoboComp's `interfaces/IDSLs`."""
 
-OURS = {"BatteryStatusPub", "CameraSimplePub", "DifferentialRobotPub"}
+OURS = {"BatteryStatusPub", "CameraSimplePub", "DifferentialRobotPub", "Introspection", "IntrospectionPub"}
 """Interfaces that RoboComp does not have."""
 
 ADDED = {"CommonBehavior.getActiveStates", "CommonBehavior.getStatus"}

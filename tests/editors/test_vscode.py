@@ -14,6 +14,7 @@ import robocomp_py
 from robocomp_py.contract.qos import PRESETS, Durability, History, Liveliness, Reliability
 from robocomp_py.dsl.cdsl.model import SECONDS
 from robocomp_py.dsl.idsl.check import BUILTIN
+from robocomp_py.dsl.source import Source
 from robocomp_py.dsl.syntax import Grammar
 from robocomp_py.dsl.workspace import Workspace, read_file
 
@@ -181,7 +182,19 @@ def test_the_syntax_file_has_every_keyword_of_the_grammar(language: str) -> None
     ]
     written = re.sub(r"\\\\.", " ", "".join(rules))
     keywords = {word for kind, word in Grammar(language).keywords.items() if not kind.startswith("LEGACY")}
+    if language == "ddsl":
+        keywords -= words_that_begin_clauses()
     assert sorted(word for word in keywords if not re.search(rf"\b{word}\b", written, re.I)) == []
+
+
+def words_that_begin_clauses() -> set[str]:
+    """Those of DDSL that the syntax file knows by their place, so that a new clause needs no change of it."""
+    begin = read_json("syntaxes/ddsl.tmLanguage.json")["repository"]["clause"]["begin"]
+    blocks = ("", "Component arm { ", "System left { ", "host onboard { ")
+    sources = (Source(Path("net.ddsl"), f"Deployment net {{ {block}") for block in blocks)
+    words = {word for each in sources for word in Grammar("ddsl").words_behind(each)}
+    assert words >= {"security", "existing", "restart", "workdir"}
+    return {word for word in words if re.fullmatch(begin, word)}
 
 
 def test_the_grammar_knows_every_unit_of_time() -> None:

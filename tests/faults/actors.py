@@ -199,14 +199,17 @@ class Actor:
         """How many messages were published."""
         return self._published
 
-    def subscribe(self, channel: str, pause: float = 0.0, depth: int = 8, reliable: bool = False) -> None:
+    def subscribe(
+        self, channel: str, pause: float = 0.0, depth: int = 8, reliable: bool = False, tap: bool = False
+    ) -> None:
         def sink(payload: Payload) -> None:
             source, _, number = _said(self.transport, payload).partition(" ")
             self.journal.note(Heard(self.name, source, int(number)))
             if pause:
                 time.sleep(pause)
 
-        self._links[channel] = self.transport.inlet(topic(channel, _qos(reliable, depth)), sink)
+        asked = replace(topic(channel, _qos(reliable, depth)), tap=tap)
+        self._links[channel] = self.transport.inlet(asked, sink)
 
     def subscribe_other(self, channel: str) -> None:
         """Mean something else by that name."""

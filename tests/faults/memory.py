@@ -6,7 +6,7 @@ import time
 from collections import deque
 from pathlib import Path
 
-from robocomp_py.transports.shm.node import prefix
+from robocomp_py.transports.shm.room import prefix
 
 from .laboratory import Laboratory, Remote, until
 from .rows import Figure, Result, Row, Run

@@ -15,6 +15,8 @@ _CHANNEL = "faults/Conformance/topic"
 
 _SIZE = 20_000
 
+_TAPPED_SIZE = 1_000_000
+
 
 def _flooded(run: Run) -> Result:
     """One subscriber keeps up, one takes 5 ms for each message, one is stopped for most of the time."""
@@ -89,6 +91,35 @@ def _lost(history: list[Event], subscriber: str) -> int:
     return max(numbers) - min(numbers) + 1 - len(numbers)
 
 
+def _tapped(run: Run) -> Result:
+    """A tap of a reliable topic is stopped for 10 s, and then killed."""
+    seconds = run.rounds(10, 3)
+    with run.laboratory() as laboratory:
+        publisher, tap, other = (laboratory.start(name) for name in ("p", "tap", "other"))
+        other.subscribe(channel=_CHANNEL, depth=100, reliable=True)
+        tap.subscribe(channel=_CHANNEL, tap=True)
+        publisher.publish(channel=_CHANNEL, count=10**9, pace=0.02, depth=100, reliable=True)
+        for each in (tap, other):
+            until(lambda each=each: each.written() > 0, 20.0, f"{each.name} hears something")  # type: ignore[misc]
+        publisher.stop(channel=_CHANNEL)
+        tap.freeze()
+        count = seconds * 50
+        publisher.publish(channel=_CHANNEL, count=count, pace=0.02, size=_TAPPED_SIZE)
+        stopped = publisher.wait(channel=_CHANNEL, timeout=seconds * 10)
+        tap.kill()
+        publisher.publish(channel=_CHANNEL, count=count, pace=0.02, size=_TAPPED_SIZE)
+        killed = publisher.wait(channel=_CHANNEL, timeout=seconds * 10)
+        _until_quiet(laboratory, publisher, [other])
+        history = laboratory.end()
+    most = 2500.0 if run.transport == "zenoh" else 50.0  # zenoh cuts the connection after 2 s
+    figures = [
+        Figure("longest send, stopped", stopped["worst"] * 1000, "ms", most, timed=True),
+        Figure("killed", killed["worst"] * 1000, "ms", 50, timed=True),
+        Figure("lost by the other one", _lost(history, "other"), "", 0),
+    ]
+    return Result(figures, run.check(history))
+
+
 def _mismatched(run: Run) -> Result:
     """A publisher and a subscriber that mean different things by one name."""
     with run.laboratory() as laboratory:
@@ -128,6 +159,14 @@ ROWS = [
         HERE,
         30,
         _flooded,
+    ),
+    Row(
+        "tap",
+        "tap of a reliable topic stopped 10 s, then killed",
+        "no `send` > 50 ms (Zenoh: one of 2 s), other subscribers lose nothing",
+        HERE,
+        25,
+        _tapped,
     ),
     Row(
         "contract",

@@ -87,7 +87,7 @@ def test_enumerators_are_proposed_as_values(editor: Editor) -> None:
 
 def test_keywords_are_proposed_where_they_can_stand(editor: Editor) -> None:
     assert {"struct", "enum", "interface", "sequence"} <= set(items(editor, "Hand.idsl", JOINTS % "|"))
-    assert {"query", "command", "publish", "action", "records"} == set(
+    assert {"query", "command", "publish", "action", "records", "confirm"} == set(
         items(editor, "Hand.idsl", JOINTS % "interface Hand { [| };")
     )
     assert "throws" in items(editor, "Hand.idsl", JOINTS % "interface Hand { void take() | };")

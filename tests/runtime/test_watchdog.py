@@ -6,12 +6,19 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
-from robocomp_py.runtime.monitor import Gauge, Monitor
+from robocomp_py.contract.component import Port
+from robocomp_py.contract.interface import Pattern, Verb
+from robocomp_py.contract.qos import DEFAULT_QOS
+from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.notify import watchdog_s
+from robocomp_py.runtime.ports import Route
+from robocomp_py.runtime.tally import Tallies, Tally
 from robocomp_py.runtime.watchdog import Watchdog
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 
 
@@ -108,7 +115,7 @@ def test_one_that_may_take_as_long_as_it_likes_says_so_once(component: Component
 
 
 def test_its_load_is_reported_until_it_is_idle(component: Component) -> None:
-    component.monitor.gauge.note(0.25)
+    served(component.monitor.tallies, (0.05, 0.2))
     with watched(component) as told:
         wait_until(lambda: len([line for line in told if "CALLS" in line]) == 2 and "CALLS" not in told[-1])
     first, second = (line.split("=")[-1].split() for line in told if "CALLS" in line)
@@ -153,10 +160,27 @@ def test_the_launchers_wish_is_read_as_systemd_writes_it(
     assert watchdog_s() == seconds
 
 
-def test_a_gauge_tells_what_was_since_it_was_read_last() -> None:
-    gauge = Gauge()
-    gauge.note(0.1)
-    gauge.note(0.3)
-    gauge.note(0.2)
-    assert gauge.take() == (3, 0.3)
-    assert gauge.take() == (0, 0.0)
+def served(tallies: Tallies, *times: tuple[float, float]) -> Tally:
+    """A query that was answered with these times in seconds: waited, ran."""
+    operation = next(each for each in e.EVERYTHING.operations if each.name == "divide")
+    transport: Any = None
+    route = Route(transport, "inproc", "a/Everything/divide", DEFAULT_QOS, 1.0)
+    tally = Tally(Port(Verb.IMPLEMENTS, e.EVERYTHING), operation, Pattern.QUERY, route)
+    for waited, ran in times:
+        tally.count += 1
+        tally.waited.append(waited)
+        tally.latest.append(ran)
+    link: Any = object()
+    tallies.add(tally, link)
+    return tally
+
+
+def test_the_load_is_what_was_since_it_was_read_last() -> None:
+    tallies = Tallies()
+    tally = served(tallies, (0.0, 0.1), (0.125, 0.25), (0.0, 0.2))
+    assert tallies.take() == (3, 0.375)
+    assert tallies.take() == (0, 0.0)
+    tally.count += 1
+    tally.waited.append(0.0)
+    tally.latest.append(0.05)
+    assert tallies.take() == (1, 0.05)

@@ -1,7 +1,9 @@
-"""`rc list`, `rc echo`, `rc hz` and `rc call` against components that run, over every middleware that can tell."""
+"""The commands that look at, measure and use what runs, against components over every middleware that can tell."""
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import json
 import os
 import re
@@ -9,21 +11,20 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robocomp_py.cli import hz, rc
+from robocomp_py.cli import rc
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
-from robocomp_py.tools.tap import Arrival
+from robocomp_py.tools.tap import Message, Presence, tapped
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.directory import Directory, Entry, state_of
 
@@ -39,10 +40,11 @@ class Talker(Station):
 
     component = Station.component
     number = 0
+    texts = ("hello",)
 
     def compute(self) -> None:
         self.number += 1
-        self.everything_proxy.news(self.number, "hello")
+        self.everything_proxy.news(self.number, self.texts[self.number % len(self.texts)])
 
     def Everything_poke(self, number: int) -> None:
         self.entries.append(f"poked {number}")
@@ -88,6 +90,26 @@ def test_components_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) 
     assert "talker" in said(capsys, "list")
 
 
+@pytest.mark.parametrize("middleware", TELLERS)
+def test_components_are_listed_with_their_namespaces_and_without_tools(
+    middleware: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A client serves nothing of its own but what every component does."""
+    over = (f"middleware={middleware}", "namespace=robot1/left")
+    topic = "robot1/left/talker/Everything/news"
+    with running(make(Talker, find_transport, *over, name="talker")), Access() as access:
+        wait_until(lambda: topic in take_census([middleware]).channels)
+        access.hear(take_census([middleware]).channels[topic], lambda payload: None, 10)
+        wait_until(lambda: take_census([middleware]).channels[topic].users)
+
+        def owners(*options: str) -> list[str]:
+            lines = said(capsys, "list", "--json", "--middleware", middleware, *options).splitlines()
+            return [json.loads(line)["owner"] for line in lines]
+
+        assert owners() == ["robot1/left/talker"]
+        assert owners("--all") == ["rc", "robot1/left/talker"]
+
+
 def test_channels_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [json.loads(line) for line in said(capsys, "list", "--topics", "--json").splitlines()]
     assert lines == [
@@ -110,7 +132,64 @@ def test_a_topic_is_heard(talker: Any, capsys: pytest.CaptureFixture[str]) -> No
     numbers = [each["message"]["number"] for each in lines]
     assert numbers == list(range(numbers[0], numbers[0] + 3))
     assert said(capsys, "echo", "news", "-n", "1", "--field", "text").rstrip().endswith('"hello"')
-    assert "there is number, text" in complained(capsys, "echo", "news", "-n", "1", "--field", "txt")
+
+
+def test_only_messages_that_fit_are_printed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    talker.texts = ["even", "odd"]
+    listed = said(capsys, "echo", "news", "-n", "3", "--where", "text=odd", "--where", "number>2", "--json")
+    found = [json.loads(line)["message"] for line in listed.splitlines()]
+    assert all(each["text"] == "odd" and each["number"] > 2 and each["number"] % 2 for each in found)
+    assert len(found) == 3
+    assert "messages were heard, and none fits --where" in complained(
+        capsys, "echo", "news", "--for", "0.5", "--where", "number<0"
+    )
+
+
+def test_every_tenth_message_is_printed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(capsys, "echo", "news", "-n", "3", "--every", "10", "--json").splitlines()
+    first, *others = [json.loads(line)["message"]["number"] for line in lines]
+    assert others == [first + 10, first + 20]
+
+
+def test_messages_are_a_table(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    talker.texts = ['say "hello", world']
+    listed = said(capsys, "echo", "news", "-n", "3", "--csv", "--stamps", "--where", "text!=hello")
+    head, *rows = csv.reader(listed.splitlines())
+    assert head == ["time", "sent", "number", "number", "text"]
+    assert [row[4] for row in rows] == talker.texts * 3
+    times, numbers = [[float(row[column]) for row in rows] for column in (0, 3)]
+    assert numbers == [numbers[0] + each for each in range(3)]
+    assert times == sorted(times)
+    assert said(capsys, "echo", "news", "-n", "1", "--csv", "--field", "text").startswith("time,text\n")
+
+
+def test_stamps_of_messages_are_printed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(capsys, "echo", "news", "-n", "3", "--stamps", "--json").splitlines()
+    found = [json.loads(line) for line in lines]
+    first = found[0]["number"]
+    assert [each["number"] for each in found] == [first, first + 1, first + 2]
+    assert all(each["sent"] <= each["time"] for each in found)
+    assert re.search(r"\(number \d+ sent [\d:.]+, [\d.]+ ms\) \{", said(capsys, "echo", "news", "-n", "1", "--stamps"))
+
+
+def test_several_fields_are_printed_by_their_names(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    line = said(capsys, "echo", "news", "-n", "1", "--field", "*", "--json")
+    assert json.loads(line)["message"].keys() == {"number", "text"}
+
+
+@pytest.mark.parametrize("middleware", TELLERS)
+def test_a_publisher_that_ends_and_comes_back_is_told(middleware: str) -> None:
+    topic = "talker/Everything/news"
+    over = f"middleware={middleware}"
+    with contextlib.ExitStack() as end:
+        with running(make(Talker, find_transport, over, name="talker")):
+            wait_until(lambda: topic in take_census([middleware]).channels)
+            heard = tapped([take_census([middleware]).channels[topic]], first=SOON, whole=SOON)
+            end.callback(heard.close)
+            assert isinstance(next(heard), Message)
+        assert next(each for each in heard if isinstance(each, Presence)) == Presence(topic, False)
+        with running(make(Station, find_transport, over, name="talker")):
+            assert next(heard) == Presence(topic, True)
 
 
 def test_the_rate_of_a_topic_is_measured(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -119,6 +198,35 @@ def test_the_rate_of_a_topic_is_measured(talker: Any, capsys: pytest.CaptureFixt
     assert 0 < last["hz"] < 1000
     assert last["messages"] > 1
     assert last["shortest_s"] <= 1 / last["hz"] <= last["longest_s"]
+    assert last["middleware"] == talker.middleware_used
+    assert last["gaps"] is not None
+
+
+def test_the_sizes_of_messages_are_measured(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every other text is 400 octets longer, and all is encoded alike."""
+    talker.texts = ["x" * 300, "x" * 700]
+    talker.number = 1000  # as many octets as any later number
+    *_, last = (json.loads(line) for line in said(capsys, "bw", "news", "--for", "1.2", "--json").splitlines())
+    assert last["channel"] == "talker/Everything/news"
+    assert last["messages"] >= 2
+    assert last["smallest"] > 300
+    assert last["largest"] - last["smallest"] == 400
+    assert last["smallest"] < last["mean"] < last["largest"]
+    assert last["octets_per_s"] > 0
+    shown = said(capsys, "bw", "news", "--for", "0.5")
+    assert re.match(
+        rf"talker/Everything/news over {talker.middleware_used}: [\d.]+ kB/s, \d+ B to \d+ B a message, ", shown
+    )
+
+
+def test_the_age_of_messages_is_measured(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    *_, last = (json.loads(line) for line in said(capsys, "delay", "news", "--for", "1.2", "--json").splitlines())
+    assert last["channel"] == "talker/Everything/news"
+    assert 0 < last["median_s"] <= last["p99_s"]
+    assert last["one_clock"]
+    shown = said(capsys, "delay", "news", "--for", "0.5")
+    over = f"talker/Everything/news over {talker.middleware_used}"
+    assert re.match(rf"{over}: [\d.]+ ms, 99 % within [\d.]+, \d+ messages \(one clock\)\n", shown)
 
 
 def test_a_query_is_called(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -177,8 +285,11 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
         (("echo", "divide", "--timeout", "0.1"), 1, "`divide` is no topic: talker/Everything/divide is a query"),
         (("echo", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),
         (("call", "divide", "dividend=1e999", "divisor=1"), 2, "the number inf is given; it takes int64"),
-        (("echo", "news", "-n", "1", "--field", "text["), 1, "`text[` is no path; write it as a.b, or a.b[0]"),
-        (("echo", "news", "-n", "1", "--field", "text[0]"), 1, "a message has no `text[0]`: `0` is not there"),
+        (("echo", "news", "--field", "txt"), 2, "talker/Everything/news: unknown field `txt`; did you mean `text`?"),
+        (("echo", "news", "--field", "text["), 2, "`text[` is no path; write it as a.b, a[0].b, a[*].b for all items"),
+        (("echo", "news", "--field", "text[0]"), 2, "`text` is string, and has no item 0"),
+        (("echo", "news", "--where", "number>x"), 2, "`number` is int32; compare it with a number, and not `x`"),
+        (("echo", "news", "--csv", "--json"), 2, "--csv and --json exclude each other"),
         (("pub", "divide", "--timeout", "0.1"), 1, "`divide` is no topic"),
         (("pub", "news", "number=1", "text=x", "--timeout", "0.1"), 1, "nothing subscribes to talker/Everything/news"),
         (("pub", "news", "number=1"), 2, "rc pub: news: lacks `text`; it takes {number int32, text string}"),
@@ -193,7 +304,10 @@ def test_what_is_wrong_is_told(
     assert why in complained(capsys, *arguments, code=code)
 
 
-@pytest.mark.parametrize("arguments", [("echo", "a", "-n", "0"), ("hz", "a", "--for", "-1"), ("echo",), ("call",)])
+@pytest.mark.parametrize(
+    "arguments",
+    [("echo", "a", "-n", "0"), ("hz", "a", "--for", "-1"), ("bw", "a", "--window", "0"), ("echo",), ("call",)],
+)
 def test_usage_is_told(arguments: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit) as ended:
         rc.main(list(arguments))
@@ -230,12 +344,23 @@ def test_no_publisher_waits_for_a_tool(talker: Any) -> None:
         may_end.append(True)
 
 
-def test_a_topic_that_falls_silent_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    found = [Arrival("world/LaserPub/push", time.monotonic() - 10 + each, 8) for each in range(5)]
-    hz._tell("world/LaserPub/push", 5, found, as_json=False)
-    assert re.match(r"world/LaserPub/push: nothing for 6\.\d s, 5 messages\n", capsys.readouterr().out)
-    hz._tell("world/LaserPub/push", 5, found, as_json=True)
-    assert json.loads(capsys.readouterr().out)["hz"] == 0
+def test_what_was_published_while_the_user_had_stopped_a_tool_is_no_gap() -> None:
+    with running(make(Talker, find_transport, "middleware=shm", name="steady")) as worker:
+        command = [sys.executable, "-m", "robocomp_py.cli.rc", "hz", "steady/Everything", "--json"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as tool:
+            assert tool.stdout
+            try:
+                before = json.loads(tool.stdout.readline())
+                tool.send_signal(signal.SIGTSTP)
+                wait_until(lambda: state_of(tool.pid) == "T")
+                reached = worker.number
+                wait_until(lambda: worker.number > reached + 50)
+                tool.send_signal(signal.SIGCONT)
+                after = [json.loads(line) for line in (tool.stdout.readline() for _ in range(3))]
+                assert after[-1]["messages"] > before["messages"]
+                assert after[-1]["missing"] < before["missing"] + 50
+            finally:
+                tool.kill()
 
 
 def test_a_contract_that_is_not_understood_is_told(

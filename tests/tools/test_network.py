@@ -43,6 +43,28 @@ def test_an_instance_that_a_component_stands_for_is_named() -> None:
     assert world.offers == ["front/Everything"]
 
 
+def test_components_of_one_name_in_two_namespaces_are_two() -> None:
+    ends = [
+        end("left/arm", "serves", "left/arm/Everything/divide", pid=4),
+        end("right/arm", "serves", "right/arm/Everything/divide", pid=4),
+    ]
+    assert [(each.owner, each.offers) for each in Network(ends).components()] == [
+        ("left/arm", ["Everything"]),
+        ("right/arm", ["Everything"]),
+    ]
+
+
+def test_commands_are_shown_if_asked_for() -> None:
+    ends = [*ENDS, end("rc", "subscribes", "world/Everything/news", pid=9)]
+    assert [each.owner for each in Network(ends).components()] == ["eye", "hand", "world"]
+    assert [each.owner for each in Network(ends).components(tools=True)] == ["eye", "hand", "rc", "world"]
+
+
+def test_a_component_that_is_called_as_commands_are_is_shown() -> None:
+    ends = [end("rc", "subscribes", "*/Everything/news"), end("rc", "serves", "rc/CommonBehavior/getState")]
+    assert [each.owner for each in Network(ends).components()] == ["rc"]
+
+
 def test_a_channel_knows_its_ends_its_contract_and_its_qos() -> None:
     news = Network(ENDS).channels["world/Everything/news"]
     assert (news.pattern, news.instance, news.interface) == (Pattern.PUBLISH, "world", "Everything")

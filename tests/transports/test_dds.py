@@ -7,6 +7,7 @@ import gc
 import itertools
 import multiprocessing
 import os
+import secrets
 import socket
 import subprocess
 import sys
@@ -290,7 +291,8 @@ def test_the_librarys_tool_shows_topics_and_fields(here: DDSTransport, name: str
     here.outlet(Channel(name, Pattern.PUBLISH, type_of(e.echo_nested, Pattern.PUBLISH)))
     environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
     if where != "as it is":
-        environment["CYCLONEDDS_URI"] = '<General><Interfaces><NetworkInterface name="lo"/></Interfaces></General>'
+        loopback = '<General><Interfaces><NetworkInterface name="lo"/></Interfaces></General>'
+        environment["CYCLONEDDS_URI"] = environment.get("CYCLONEDDS_URI", "") + loopback
     tool = Path(sys.executable).with_name("cyclonedds")
     call = [tool, what, "--id", str(DOMAIN), *(["--topic", f".*{name}.*"] if what == "ls" else [f"rc/{name}"])]
     expected = {
@@ -436,12 +438,31 @@ def test_an_announcement_with_a_duplicate_is_withdrawn_completely(
 ) -> None:
     link = here.server(_lazy(name), answering(here, bytes.upper))
     [said] = here.announcing._descriptions.values()
-    about = endpoints_module.user_data([said, said])
+    (about,) = endpoints_module.announced_data([said, said])
     writer = here.bus.writer(announcing_module.NAME, announcement_type(), endpoint_qos(KEEP_ALL, about))
     wait_until(lambda: len(there.bus.endpoints.find("serves", name)) == 2)  # that of the transport, and the other one
     link.close()
     writer.close()
     wait_until(lambda: not there.bus.endpoints.find("serves", name))
+
+
+def test_many_long_contracts_are_announced_whole(here: DDSTransport, there: DDSTransport, name: str) -> None:
+    link = here.server(_lazy(name), answering(here, bytes.upper))
+    [said] = here.announcing._descriptions.values()
+    texts = {f"{name}{number}": secrets.token_hex(3000) for number in range(12)}
+    with here.announcing.gathering():
+        for channel, text in texts.items():
+            here.announcing.add(channel, said | {"channel": channel, "text": text})
+
+    def found(channel: str) -> list[str]:
+        return [each.text for each in there.bus.endpoints.find("serves", channel)]
+
+    wait_until(lambda: all(found(channel) == [text] for channel, text in texts.items()))
+    for channel in texts:
+        here.announcing.remove(channel)
+    wait_until(lambda: not any(map(found, texts)))
+    assert found(name) == [said["text"]]
+    link.close()
 
 
 @pytest.mark.parametrize(

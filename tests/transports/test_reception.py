@@ -8,7 +8,7 @@ import pytest
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import QoS, Reliability
-from robocomp_py.transports.base import Channel, Sink, Source, Statistics, TypeRef
+from robocomp_py.transports.base import Channel, Heard, Sink, Source, Statistics, TypeRef
 from robocomp_py.transports.reception import Reception
 
 FRONT, REAR = "front/LaserPub/push", "rear/LaserPub/push"
@@ -18,11 +18,11 @@ NOW = 1_700_000_000_000_000_000
 class Hearing:
     """A subscription whose messages wait for each other until `deliver`."""
 
-    def __init__(self, qos: QoS, heard: Callable[[str], object] | None = None) -> None:
+    def __init__(self, qos: QoS, heard: Callable[[str], object] | None = None, *, headed: bool = False) -> None:
         self.now, self.stats = 100.0, Statistics()
         self.delivered: list[object] = []
         self._sink: Sink = self._deliver
-        channel = Channel("*/LaserPub/push", Pattern.PUBLISH, TypeRef("x"), qos, on_receive=heard)
+        channel = Channel("*/LaserPub/push", Pattern.PUBLISH, TypeRef("x"), qos, on_receive=heard, headed=headed)
         self.reception = Reception(channel, self.stats, self._through, lambda: self.now, self._stamp)
         self._waiting: list[object] = []
 
@@ -37,7 +37,7 @@ class Hearing:
 
     def receive(self, payload: object, name: str = FRONT, age: float = 0.0) -> None:
         if self.reception.on:
-            payload = self.reception.admit(name, self._stamp() - int(age * 1e9), payload)
+            payload = self.reception.admit(name, self._stamp() - int(age * 1e9), payload, 7, 1)
         self._waiting.append(payload)
 
     def deliver(self) -> list[object]:
@@ -52,6 +52,18 @@ def test_without_a_qos_request_reception_is_off() -> None:
     hearing = Hearing(QoS())
     hearing.reception.meet([Source(FRONT, QoS(deadline=1.0, lease=1.0))])
     assert not hearing.reception.on
+
+
+def test_who_asks_for_headers_gets_them_with_each_message_that_is_fresh() -> None:
+    hearing = Hearing(QoS(lifespan=1.0), headed=True)
+    hearing.receive("fresh")
+    hearing.receive("old", age=2.0)
+    assert hearing.deliver() == [Heard(FRONT, 7, 1, hearing._stamp(), "fresh")]
+
+
+def test_commands_have_no_headers() -> None:
+    channel = Channel("front/Laser/stop", Pattern.COMMAND, TypeRef("x"), headed=True)
+    assert not Reception(channel, Statistics(), lambda wrap: None).on
 
 
 def test_every_message_is_reported_on_arrival() -> None:

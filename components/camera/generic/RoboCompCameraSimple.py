@@ -35,9 +35,10 @@ class HardwareFailedException(DeclaredError):
 
 HardwareFailedException.__contract__ = ExceptionType(
     "RoboCompCameraSimple::HardwareFailedException",
-    (Field("what", STRING),),
+    (Field("what", STRING, doc="what is wrong, for people"),),
     base=None,
     python=HardwareFailedException,
+    doc="The camera gives no picture.",
 )
 
 ImgType: TypeAlias = NDArray[np.uint8]
@@ -61,13 +62,14 @@ class TImage:
 TImage.__contract__ = Struct(
     "RoboCompCameraSimple::TImage",
     (
-        Field("compressed", BOOL),
-        Field("width", INT32),
-        Field("height", INT32),
-        Field("depth", INT32),
+        Field("compressed", BOOL, doc="whether `image` holds a JPEG file"),
+        Field("width", INT32, doc="pixels in a row"),
+        Field("height", INT32, doc="rows"),
+        Field("depth", INT32, doc="bytes of a pixel: 3 are red, green and blue"),
         Field("image", Sequence(UINT8)),
     ),
     TImage,
+    doc="One picture: row after row from the top, the bytes of a pixel together, or a JPEG file.",  # noqa: E501, RUF100
 )
 
 _CameraSimple_getImage: Operation[TImage] = Operation(
@@ -75,6 +77,7 @@ _CameraSimple_getImage: Operation[TImage] = Operation(
     "getImage",
     outputs=(Field("ret", TImage.__contract__),),
     raises=(HardwareFailedException.__contract__,),
+    doc="The newest picture.",
 )
 CAMERASIMPLE_INTERFACE = Interface(
     "RoboCompCameraSimple::CameraSimple",

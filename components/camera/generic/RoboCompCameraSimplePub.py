@@ -14,6 +14,7 @@ _CameraSimplePub_pushImage: Operation[None] = Operation(
     "RoboCompCameraSimplePub::CameraSimplePub",
     "pushImage",
     inputs=(Field("image", RoboCompCameraSimple.TImage.__contract__),),
+    doc="A picture, as soon as it is taken.",
 )
 CAMERASIMPLEPUB_INTERFACE = Interface(
     "RoboCompCameraSimplePub::CameraSimplePub",

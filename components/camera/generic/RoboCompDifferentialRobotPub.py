@@ -12,6 +12,7 @@ _DifferentialRobotPub_pushBaseState: Operation[None] = Operation(
     "RoboCompDifferentialRobotPub::DifferentialRobotPub",
     "pushBaseState",
     inputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
+    doc="Where the base is and how it moves.",
 )
 DIFFERENTIALROBOTPUB_INTERFACE = Interface(
     "RoboCompDifferentialRobotPub::DifferentialRobotPub",

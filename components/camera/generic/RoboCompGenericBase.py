@@ -32,9 +32,10 @@ class HardwareFailedException(DeclaredError):
 
 HardwareFailedException.__contract__ = ExceptionType(
     "RoboCompGenericBase::HardwareFailedException",
-    (Field("what", STRING),),
+    (Field("what", STRING, doc="what is wrong, for people"),),
     base=None,
     python=HardwareFailedException,
+    doc="The base itself is at fault: a motor, a cable, its controller.",
 )
 
 
@@ -59,18 +60,23 @@ class TBaseState:
 TBaseState.__contract__ = Struct(
     "RoboCompGenericBase::TBaseState",
     (
-        Field("x", FLOAT32),
-        Field("correctedX", FLOAT32),
-        Field("z", FLOAT32),
-        Field("correctedZ", FLOAT32),
-        Field("alpha", FLOAT32),
-        Field("correctedAlpha", FLOAT32),
-        Field("advVx", FLOAT32),
-        Field("advVz", FLOAT32),
-        Field("rotV", FLOAT32),
-        Field("isMoving", BOOL),
+        Field("x", FLOAT32, doc="mm, by the odometer"),
+        Field("correctedX", FLOAT32, doc="mm, the best estimate"),
+        Field("z", FLOAT32, doc="mm, by the odometer"),
+        Field("correctedZ", FLOAT32, doc="mm, the best estimate"),
+        Field("alpha", FLOAT32, doc="rad, by the odometer"),
+        Field("correctedAlpha", FLOAT32, doc="rad, the best estimate"),
+        Field(
+            "advVx",
+            FLOAT32,
+            doc="mm/s sideways, positive to the right; 0 on differential bases",
+        ),
+        Field("advVz", FLOAT32, doc="mm/s, positive forwards"),
+        Field("rotV", FLOAT32, doc="rad/s, positive to the right"),
+        Field("isMoving", BOOL, doc="whether any of the three speeds is not 0"),
     ),
     TBaseState,
+    doc="Where a base is and how it moves.",
 )
 
 _GenericBase_getBaseState: Operation[TBaseState] = Operation(
@@ -78,6 +84,7 @@ _GenericBase_getBaseState: Operation[TBaseState] = Operation(
     "getBaseState",
     outputs=(Field("state", TBaseState.__contract__),),
     raises=(HardwareFailedException.__contract__,),
+    doc="Where the base is and how it moves.",
 )
 _GenericBase_getBasePose: Operation[tuple[int, int, float]] = Operation(
     "RoboCompGenericBase::GenericBase",
@@ -88,6 +95,7 @@ _GenericBase_getBasePose: Operation[tuple[int, int, float]] = Operation(
         Field("alpha", FLOAT32),
     ),
     raises=(HardwareFailedException.__contract__,),
+    doc="Where the base is by its odometer: mm, mm, rad.",
 )
 GENERICBASE_INTERFACE = Interface(
     "RoboCompGenericBase::GenericBase",

@@ -42,17 +42,18 @@ class TMechParams:
 TMechParams.__contract__ = Struct(
     "RoboCompDifferentialRobot::TMechParams",
     (
-        Field("wheelRadius", INT32),
-        Field("axisLength", INT32),
-        Field("encoderSteps", INT32),
-        Field("gearRatio", INT32),
-        Field("temp", FLOAT32),
-        Field("device", STRING),
-        Field("handler", STRING),
-        Field("maxVelAdv", FLOAT32),
-        Field("maxVelRot", FLOAT32),
+        Field("wheelRadius", INT32, doc="mm"),
+        Field("axisLength", INT32, doc="mm between the wheels"),
+        Field("encoderSteps", INT32, doc="steps in a turn of the motor"),
+        Field("gearRatio", INT32, doc="turns of the motor in a turn of the wheel"),
+        Field("temp", FLOAT32, doc="degrees Celsius"),
+        Field("device", STRING, doc="where it is connected"),
+        Field("handler", STRING, doc="kind of hardware or simulator"),
+        Field("maxVelAdv", FLOAT32, doc="mm/s"),
+        Field("maxVelRot", FLOAT32, doc="rad/s"),
     ),
     TMechParams,
+    doc="How a base is built.",
 )
 
 _DifferentialRobot_getBaseState: Operation[RoboCompGenericBase.TBaseState] = Operation(
@@ -60,6 +61,7 @@ _DifferentialRobot_getBaseState: Operation[RoboCompGenericBase.TBaseState] = Ope
     "getBaseState",
     outputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Where the base is and how it moves.",
 )
 _DifferentialRobot_getBasePose: Operation[tuple[int, int, float]] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
@@ -70,6 +72,7 @@ _DifferentialRobot_getBasePose: Operation[tuple[int, int, float]] = Operation(
         Field("alpha", FLOAT32),
     ),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Where the base is by its odometer: mm, mm, rad.",
 )
 _DifferentialRobot_setSpeedBase: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
@@ -79,22 +82,26 @@ _DifferentialRobot_setSpeedBase: Operation[None] = Operation(
         Field("rot", FLOAT32),
     ),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Drive with these speeds from now on: mm/s forwards, rad/s to the right.\nRepeat it while driving: a base may stop when no new speeds arrive for a while.",  # noqa: E501, RUF100
 )
 _DifferentialRobot_stopBase: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
     "stopBase",
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Stand still.",
 )
 _DifferentialRobot_resetOdometer: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
     "resetOdometer",
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Call the present pose 0, 0, 0.",
 )
 _DifferentialRobot_setOdometer: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
     "setOdometer",
     inputs=(Field("state", RoboCompGenericBase.TBaseState.__contract__),),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Take pose and best estimate from a state; its speeds do not matter.",
 )
 _DifferentialRobot_setOdometerPose: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
@@ -105,6 +112,7 @@ _DifferentialRobot_setOdometerPose: Operation[None] = Operation(
         Field("alpha", FLOAT32),
     ),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Call the present pose this: mm, mm, rad.",
 )
 _DifferentialRobot_correctOdometer: Operation[None] = Operation(
     "RoboCompDifferentialRobot::DifferentialRobot",
@@ -115,6 +123,7 @@ _DifferentialRobot_correctOdometer: Operation[None] = Operation(
         Field("alpha", FLOAT32),
     ),
     raises=(RoboCompGenericBase.HardwareFailedException.__contract__,),
+    doc="Replace the best estimate, and leave the odometer as it is: mm, mm, rad.",
 )
 DIFFERENTIALROBOT_INTERFACE = Interface(
     "RoboCompDifferentialRobot::DifferentialRobot",

@@ -24,20 +24,24 @@ _GotoPoint_go: Operation[None] = Operation(
         Field("y", FLOAT32),
         Field("alpha", FLOAT32),
     ),
+    doc="Go to a place: its name, which may be empty, its x and y on the floor in mm, and where\nto look there in rad.",  # noqa: E501, RUF100
 )
 _GotoPoint_turn: Operation[None] = Operation(
     "RoboCompGotoPoint::GotoPoint",
     "turn",
     inputs=(Field("speed", FLOAT32),),
+    doc="Turn on the spot: rad/s, positive to the right.",
 )
 _GotoPoint_stop: Operation[None] = Operation(
     "RoboCompGotoPoint::GotoPoint",
     "stop",
+    doc="Stand still.",
 )
 _GotoPoint_atTarget: Operation[bool] = Operation(
     "RoboCompGotoPoint::GotoPoint",
     "atTarget",
     outputs=(Field("ret", BOOL),),
+    doc="Whether the last place to go to was reached.",
 )
 GOTOPOINT_INTERFACE = Interface(
     "RoboCompGotoPoint::GotoPoint",

@@ -22,11 +22,13 @@ _Speech_say: Operation[bool] = Operation(
         Field("overwrite", BOOL),
     ),
     outputs=(Field("ret", BOOL),),
+    doc="Say something: whether it was accepted. With `overwrite`, it replaces what is being said.",  # noqa: E501, RUF100
 )
 _Speech_isBusy: Operation[bool] = Operation(
     "RoboCompSpeech::Speech",
     "isBusy",
     outputs=(Field("ret", BOOL),),
+    doc="Whether something is being said.",
 )
 SPEECH_INTERFACE = Interface(
     "RoboCompSpeech::Speech",

@@ -13,6 +13,7 @@ _LaserPub_pushLaserData: Operation[None] = Operation(
     "pushLaserData",
     inputs=(Field("laserData", Sequence(RoboCompLaser.TData.__contract__)),),
     idempotent=True,
+    doc="A scan, from the first beam to the last.",
 )
 LASERPUB_INTERFACE = Interface(
     "RoboCompLaserPub::LaserPub",

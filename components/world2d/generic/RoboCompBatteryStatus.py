@@ -32,9 +32,10 @@ class HardwareFailedException(DeclaredError):
 
 HardwareFailedException.__contract__ = ExceptionType(
     "RoboCompBatteryStatus::HardwareFailedException",
-    (Field("what", STRING),),
+    (Field("what", STRING, doc="what is wrong, for people"),),
     base=None,
     python=HardwareFailedException,
+    doc="The battery cannot be measured.",
 )
 
 
@@ -77,15 +78,24 @@ class TBattery:
 TBattery.__contract__ = Struct(
     "RoboCompBatteryStatus::TBattery",
     (
-        Field("percentage", FLOAT32),
-        Field("state", BatteryStates.__contract__),
-        Field("voltage", FLOAT32),
-        Field("current", FLOAT32),
-        Field("timeToGo", FLOAT32),
-        Field("power", FLOAT32),
-        Field("consumptionPerHour", FLOAT32),
+        Field("percentage", FLOAT32, doc="0 to 100"),
+        Field(
+            "state",
+            BatteryStates.__contract__,
+            doc="Disconnected: it feeds the robot",
+        ),
+        Field("voltage", FLOAT32, doc="V"),
+        Field("current", FLOAT32, doc="A, positive when charging"),
+        Field("timeToGo", FLOAT32, doc="s until it is empty, or full when charging"),
+        Field("power", FLOAT32, doc="W, positive when charging"),
+        Field(
+            "consumptionPerHour",
+            FLOAT32,
+            doc="Wh that an hour like the present moment takes",
+        ),
     ),
     TBattery,
+    doc="What a battery holds, and what flows.",
 )
 
 _BatteryStatus_getBatteryState: Operation[TBattery] = Operation(
@@ -93,6 +103,7 @@ _BatteryStatus_getBatteryState: Operation[TBattery] = Operation(
     "getBatteryState",
     outputs=(Field("ret", TBattery.__contract__),),
     raises=(HardwareFailedException.__contract__,),
+    doc="What is left now.",
 )
 BATTERYSTATUS_INTERFACE = Interface(
     "RoboCompBatteryStatus::BatteryStatus",

@@ -12,6 +12,7 @@ _BatteryStatusPub_pushBatteryState: Operation[None] = Operation(
     "RoboCompBatteryStatusPub::BatteryStatusPub",
     "pushBatteryState",
     inputs=(Field("battery", RoboCompBatteryStatus.TBattery.__contract__),),
+    doc="What is left now.",
 )
 BATTERYSTATUSPUB_INTERFACE = Interface(
     "RoboCompBatteryStatusPub::BatteryStatusPub",

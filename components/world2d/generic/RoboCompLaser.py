@@ -49,21 +49,26 @@ class LaserConfData:
 LaserConfData.__contract__ = Struct(
     "RoboCompLaser::LaserConfData",
     (
-        Field("driver", STRING),
-        Field("device", STRING),
-        Field("staticConf", INT32),
-        Field("maxMeasures", INT32),
-        Field("maxDegrees", INT32),
-        Field("maxRange", INT32),
-        Field("minRange", INT32),
-        Field("iniRange", INT32),
-        Field("endRange", INT32),
-        Field("cluster", INT32),
-        Field("sampleRate", INT32),
-        Field("angleRes", FLOAT32),
-        Field("angleIni", FLOAT32),
+        Field("driver", STRING, doc="kind of hardware or simulator"),
+        Field("device", STRING, doc="where it is connected"),
+        Field("staticConf", INT32, doc="0 if the settings may change while it runs"),
+        Field("maxMeasures", INT32, doc="beams in a full turn of the device"),
+        Field("maxDegrees", INT32, doc="degrees from the first beam to the last"),
+        Field("maxRange", INT32, doc="mm, farthest distance that is measured"),
+        Field("minRange", INT32, doc="mm, nearest distance that is measured"),
+        Field("iniRange", INT32, doc="degrees, where the measured part begins"),
+        Field("endRange", INT32, doc="degrees, where the measured part ends"),
+        Field(
+            "cluster",
+            INT32,
+            doc="neighbouring beams (0 to 99) taken together as one measure",
+        ),
+        Field("sampleRate", INT32, doc="ms from one scan to the next"),
+        Field("angleRes", FLOAT32, doc="degrees from one beam to the next"),
+        Field("angleIni", FLOAT32, doc="degrees, direction of the first beam"),
     ),
     LaserConfData,
+    doc="What a laser is and how it is set.",
 )
 
 
@@ -80,10 +85,11 @@ class TData:
 TData.__contract__ = Struct(
     "RoboCompLaser::TData",
     (
-        Field("angle", FLOAT32),
-        Field("dist", FLOAT32),
+        Field("angle", FLOAT32, doc="rad from straight ahead, positive to the right"),
+        Field("dist", FLOAT32, doc="mm"),
     ),
     TData,
+    doc="One measure: a direction and how far it is to the first thing there.",
 )
 
 TLaserData: TypeAlias = list[TData]
@@ -92,6 +98,7 @@ _Laser_getLaserData: Operation[TLaserData] = Operation(
     "RoboCompLaser::Laser",
     "getLaserData",
     outputs=(Field("ret", Sequence(TData.__contract__)),),
+    doc="The last scan.",
 )
 _Laser_getLaserAndBStateData: Operation[
     tuple[TLaserData, RoboCompGenericBase.TBaseState]
@@ -102,11 +109,13 @@ _Laser_getLaserAndBStateData: Operation[
         Field("ret", Sequence(TData.__contract__)),
         Field("bState", RoboCompGenericBase.TBaseState.__contract__),
     ),
+    doc="The last scan, and where the base was then.",
 )
 _Laser_getLaserConfData: Operation[LaserConfData] = Operation(
     "RoboCompLaser::Laser",
     "getLaserConfData",
     outputs=(Field("ret", LaserConfData.__contract__),),
+    doc="What the laser is and how it is set.",
 )
 LASER_INTERFACE = Interface(
     "RoboCompLaser::Laser",

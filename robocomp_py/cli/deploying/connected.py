@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ..common import UNREACHABLE, complain, raise_if_signalled
+from ..completing import What, completed
 
 if TYPE_CHECKING:
     from ...deploy.client import Connection
@@ -19,7 +20,7 @@ NETWORK = "NET.ddsl"
 
 
 def add_network(to: argparse.ArgumentParser) -> None:
-    to.add_argument("network", metavar=NETWORK, help="the network, by its file or by its name")
+    completed(to.add_argument("network", metavar=NETWORK, help="the network, by its file or by its name"), What.NETWORK)
 
 
 def connected(network: str, action: Callable[[Connection], int], absent: Callable[[], int | None] | None = None) -> int:

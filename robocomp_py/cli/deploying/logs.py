@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain, raise_if_signalled
+from ..completing import What, completed
+from ..logged import add_filters, wanted
 from .connected import add_network, connected, show
 
 if TYPE_CHECKING:
@@ -24,9 +27,14 @@ examples:
   rcdeploy logs net.ddsl laser -n 20  ... twenty of one instance
   rcdeploy logs net.ddsl -f           ... and new lines as they come, until Ctrl-C or the network ends
   rcdeploy logs net.ddsl rcdeploy     the messages of rcdeploy itself
+  rcdeploy logs net.ddsl --level warning --since 10m    warnings and errors of the last ten minutes
+  rcdeploy logs net.ddsl --grep 'lost|late' -f          lines with one of these words, and new ones as they come
+  rcdeploy logs net.ddsl --json                         an object a line: time, level, instance, file, text and more
 
-Each line has its time; lines of an earlier day have the date, too. For a network that is not running, the command
-shows the output of its newest run, also from a --log-dir.
+Each line has its time; lines of an earlier day have the date, too. A traceback belongs to its log record, so it is
+chosen and counted as one line. --level leaves out what is no log record. For a network that is not running, the command
+shows the output of its newest run, also from a --log-dir; there, file and thread of a record are kept by
+`rcdeploy --record-logs json` only.
 Exit status: 0 fine, 1 the network is not running and has left no logs, 2 usage
 """
 
@@ -34,8 +42,11 @@ Exit status: 0 fine, 1 the network is not running and has left no logs, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show what the components of a network have printed.", _EXAMPLES
     add_network(to)
-    to.add_argument("names", nargs="*", metavar="INSTANCE", help="an instance, a process or a system (default: all)")
+    about = "an instance, a process or a system (default: all)"
+    completed(to.add_argument("names", nargs="*", metavar="INSTANCE", help=about), What.COMPONENT)
     to.add_argument("-f", "--follow", action="store_true", help="keep printing new lines as they come")
+    add_filters(to)
+    to.add_argument("--json", action="store_true", help="print an object a line, for machines")
     to.add_argument("-n", "--lines", type=_count, default=100, metavar="N", help="how many lines (default: 100)")
 
 
@@ -44,10 +55,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(connection: Connection, options: argparse.Namespace) -> int:
-    from ...deploy.client import lines
+    from ...deploy.client import chosen_lines, lines
 
-    _show(lines(connection, options.names, options.lines, follow=options.follow))
+    names, count, follow = options.names, options.lines, options.follow
+    if wanted(options).everything:
+        _show(lines(connection, names, count, follow=follow), as_json=options.json)
+    else:
+        _show(chosen_lines(connection, names, count, _is_wanted(options), follow=follow), as_json=options.json)
     return FINE
+
+
+def _is_wanted(options: argparse.Namespace) -> Callable[[Line], bool]:
+    choice = wanted(options)
+    return lambda line: choice(line.at, line.level, line.message)
 
 
 def _print_past(options: argparse.Namespace) -> int | None:
@@ -71,27 +91,46 @@ def _print_past(options: argparse.Namespace) -> int | None:
             f"it has logs of: {', '.join(there)}"
         )
     print(f"{network} is not running; these are the logs of its last run, from {run.logs}", file=sys.stderr)
-    past = past_lines(run.logs, options.names, options.lines, run.began)
+    everything = wanted(options).everything
+    past = past_lines(run.logs, options.names, options.lines, run.began, None if everything else _is_wanted(options))
     if not past and options.lines:
-        print(f"{', '.join(options.names) or network} printed nothing in that run", file=sys.stderr)
-    _show(past)
+        of = "" if everything else " of this kind"
+        print(f"{', '.join(options.names) or network} printed nothing{of} in that run", file=sys.stderr)
+    _show(past, as_json=options.json)
     return FINE
 
 
-def _show(lines: Iterable[Line]) -> None:
+def _show(lines: Iterable[Line], *, as_json: bool) -> None:
+    if as_json:
+        _show_as_json(lines)
+    else:
+        _show_as_text(lines)
+
+
+def _show_as_json(lines: Iterable[Line]) -> None:
+    from ...deploy.logs import told
+
+    for line in lines:
+        print(json.dumps(told(line)), flush=True)
+        raise_if_signalled()
+
+
+def _show_as_text(lines: Iterable[Line]) -> None:
     from ...deploy.table import clock_time, full_time
 
     width, today = 0, full_time(time.time())[:10]
-    for at, name, text in lines:
-        width = max(width, len(name))
-        when = clock_time(at) if full_time(at).startswith(today) else full_time(at)
-        show([(f"{when} ", "dim"), (f"{name:>{width}} | ", "cyan" if name != "rcdeploy" else "bold"), (text, "")])
+    for line in lines:
+        width = max(width, len(line.name))
+        when = clock_time(line.at) if full_time(line.at).startswith(today) else full_time(line.at)
+        style = "cyan" if line.name != "rcdeploy" else "bold"
+        for text in line.text.split("\n"):
+            show([(f"{when} ", "dim"), (f"{line.name:>{width}} | ", style), (text, "")])
         sys.stdout.flush()
         raise_if_signalled()
 
 
 def _count(text: str) -> int:
-    from ...deploy.control import MOST_LINES
+    from ...deploy.ring import MOST_LINES
 
     if not text.isdecimal() or int(text) > MOST_LINES:
         raise argparse.ArgumentTypeError(f"`{text}` is not a number of lines from 0 to {MOST_LINES}")

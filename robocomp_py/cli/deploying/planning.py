@@ -28,7 +28,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
     from ...deploy.auto import usable
     from ...deploy.hosts.addresses import found, is_here
     from ...deploy.planner import make_plan
-    from ...dsl.workspace import Workspace
+    from ...dsl.workspace import Workspace, no_collection
 
     try:
         overrides = overrides_of(options)
@@ -36,7 +36,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
         print(f"rcdeploy: {exc}", file=sys.stderr)
         return USAGE
     workspace = Workspace(options.include)
-    with installed.asked_once(), Progress("rcdeploy") as progress:
+    with installed.asked_once(), no_collection(), Progress("rcdeploy") as progress:
         plan = make_plan(options.network, workspace, overrides, usable, found, is_here, progress.over)
         if plan and not _check_generated(options, workspace, progress):
             plan = None

@@ -7,6 +7,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from ..common import FINE, complain
+from ..completing import What, completed
 from .connected import add_network, connected
 from .up import seconds
 
@@ -31,7 +32,8 @@ components that use it in one command. Exit status: 0 all are ready again, or ha
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Restart components of a running network.", _EXAMPLES
     add_network(to)
-    to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
+    names = to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
+    completed(names, What.COMPONENT)
     to.add_argument(
         "--within",
         type=seconds,

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ..common import FINE, UNREACHABLE, USAGE, WRONG, raise_if_signalled
+from ..completing import What, completed
 from .connected import NETWORK, connected, show
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ _EVERY_S = 1.0
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show the state of a running network.", _EXAMPLES
-    to.add_argument("network", nargs="?", metavar=NETWORK, help="the network, by its file or by its name")
+    about = "the network, by its file or by its name"
+    completed(to.add_argument("network", nargs="?", metavar=NETWORK, help=about), What.NETWORK)
     to.add_argument("--watch", action="store_true", help="again every second")
     to.add_argument("--ports", action="store_true", help="also the ports of the components, with their peers")
     to.add_argument("--json", action="store_true", help="for machines, on one line")

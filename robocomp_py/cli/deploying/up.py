@@ -30,6 +30,7 @@ examples:
   rcdeploy up net.ddsl --until mission              ... until that instance ends
   rcdeploy up net.ddsl --middleware zeromq          ... over that middleware and no other
   rcdeploy up net.ddsl --clock world --speed max    ... all follow the clock of world, as fast as they can
+  rcdeploy up net.ddsl --diary wander               write wander.mcap, by which rc rerun runs its code again
   rcdeploy up net.ddsl --set world.params.step=0.1  set a key of an instance's configuration (*: of all)
 
 exit status: 0 fine, 1 wrong input or something failed, 2 usage, 3 a host cannot be reached,
@@ -57,6 +58,13 @@ def add_options(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--detach", action="store_true", help="return when all components are ready, and leave the network running"
     )
+    to.add_argument(
+        "--diary",
+        action="append",
+        default=[],
+        metavar="INSTANCE",
+        help="write INSTANCE.mcap here: all that enters its code, by which `rc rerun` runs it again; may be repeated",
+    )
     add_guards(to)
 
 
@@ -64,6 +72,8 @@ def run(options: argparse.Namespace) -> int:
     from ... import installed
     from .detached import detached
 
+    if options.diary:  # the order of sets of texts is the same when the code is run again
+        os.environ.setdefault("PYTHONHASHSEED", "0")
     with installed.asked_once():
         return detached(lambda parent: _run(options, parent)) if options.detach else _run(options)
 

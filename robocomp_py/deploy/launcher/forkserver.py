@@ -29,8 +29,8 @@ from typing import Any
 from ... import installed
 from ...contract.component import Component
 from ...errors import ConfigurationError
+from ...runtime import commonbehavior, introspecting
 from ...runtime.commandline import prepare, read_plain
-from ...runtime.commonbehavior import port_of
 from ...runtime.ports import type_of
 from ...runtime.worker import Worker
 from ...transports.base import find_transport
@@ -42,7 +42,7 @@ PROGRAM = "robocomp_py.cli.rc"
 
 _NEEDED = (
     *(PROGRAM, "robocomp_py.cli.run"),
-    *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "run", "together")),
+    *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "records", "run", "together")),
     "numpy.random",
     "subprocess",
 )
@@ -111,10 +111,10 @@ def _rehearse(carrier: str) -> None:
         options = read_plain(["--name", "nothing", "--set", "component.period=1.0"])
         assert options is not None
         prepare(Nothing, options)
-    own = port_of(Nothing.component)
-    assert own is not None
-    for operation, pattern in own.interface.under(own.verb):
-        type_of(operation, pattern)
+    for own in (commonbehavior.port_of(Nothing.component), introspecting.port_of(Nothing.component)):
+        assert own is not None
+        for operation, pattern in own.interface.under(own.verb):
+            type_of(operation, pattern)
 
 
 def serve(channel: socket.socket, lifeline: int) -> Mapping[str, Any] | None:

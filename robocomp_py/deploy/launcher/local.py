@@ -29,6 +29,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ...errors import DeploymentError
+from ...runtime.records import WANTED
 from ..agents import Agent, Life, Listener, Usage
 from ..beside import beside
 from ..place import Place, file_name
@@ -63,7 +64,15 @@ _ENDED = 5.0
 _SPARE_FILES = 16
 """File descriptors that have to be free for a start: a few for the process, and some for logs and commands."""
 
-_NOT_HANDED_DOWN = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "LISTEN_FDS", "LISTEN_PID", "LISTEN_FDNAMES")
+_NOT_HANDED_DOWN = (
+    "NOTIFY_SOCKET",
+    "WATCHDOG_USEC",
+    "WATCHDOG_PID",
+    "LISTEN_FDS",
+    "LISTEN_PID",
+    "LISTEN_FDNAMES",
+    WANTED,
+)
 """Variables between rcdeploy and its own service manager; the processes that it starts do not get them."""
 
 
@@ -239,6 +248,7 @@ class Launcher(Agent):
         told = {
             **process.env,
             "NOTIFY_SOCKET": str(path),
+            WANTED: "1",
             "WATCHDOG_USEC": str(round(WATCHDOG * 1e6)),
             traces.LAUNCH: self._launch,
             traces.NAME: process.name,

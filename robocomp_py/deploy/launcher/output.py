@@ -8,6 +8,8 @@ import os
 import time
 from collections.abc import Callable
 
+from ...runtime.records import MARK
+
 LINE = 4096
 """Longer lines are cut into pieces of this many characters."""
 
@@ -99,16 +101,21 @@ class Output:
         """A character may arrive in two chunks: the decoder keeps its first part."""
         *lines, rest = (self._rest + self._decoder.decode(chunk, last)).split("\n")
         while len(rest) > LINE or (last and rest):
-            lines.append(rest[:LINE])
-            rest = rest[LINE:]
+            at = rest.find(MARK, 1, LINE)  # a record is not cut because it follows an unfinished line
+            end = at if at > 0 else LINE
+            lines.append(rest[:end])
+            rest = rest[end:]
         self._rest = rest
         for line in lines:
             self._print(line)
 
     def _print(self, line: str) -> None:
-        text = line.rstrip("\r")
-        for start in range(0, max(1, len(text)), LINE):
-            self._tell(text[start : start + LINE])
+        text, *records = line.rstrip("\r").split(MARK)
+        if text or not records:
+            for start in range(0, max(1, len(text)), LINE):
+                self._tell(text[start : start + LINE])
+        for each in records:
+            self._tell((MARK + each)[:LINE])
 
 
 def _new_decoder() -> codecs.IncrementalDecoder:

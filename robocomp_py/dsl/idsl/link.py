@@ -135,6 +135,7 @@ class _Linker:
             made.outputs,
             feedback,
             made.raises,
+            confirm=made.confirm,
             doc=made.doc,
             source=made.source,
         )
@@ -153,6 +154,7 @@ class _Linker:
             raises=tuple(self._exception(each) for each in operation.throws),
             pattern=c.Pattern(operation.pattern.text) if operation.pattern and not operation.is_action else None,
             idempotent=operation.idempotent,
+            confirm=operation.confirm,
             doc=operation.doc,
             source=operation.text,
         )

@@ -123,6 +123,8 @@ class Operation:
     feedback: tuple[Param, ...] = ()
     feedback_at: Span | None = None
     """Where its `feedback` is, if it has one."""
+    confirm: bool = False
+    """Whether a person is asked before it is called by hand."""
 
     @property
     def is_action(self) -> bool:

@@ -86,6 +86,7 @@ class _Builder(Builder):
     def _operation(self, tree: Any) -> m.Operation:
         rest = list(tree.children)
         pattern = self._name(_token(rest.pop(0))) if _is(rest[0], "pattern") else None
+        confirm = bool(_is(rest[0], "confirm") and rest.pop(0))
         idempotent = _is(rest[0], "IDEMPOTENT")
         result, name, *rest = rest[1:] if idempotent else rest
         throws = tuple(map(self._qualified, rest.pop().children)) if rest and _is(rest[-1], "throws") else ()
@@ -103,6 +104,7 @@ class _Builder(Builder):
             _one_line(self._parsed.comments.bare[span.start : span.end]),
             tuple(map(self._param, feedback.children)) if feedback else (),
             self._span(feedback) if feedback else None,
+            confirm,
         )
 
     def _param(self, tree: Any) -> m.Param:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Hashable, Iterator
 
 from .bus import Bus, Writer
-from .endpoints import TOPIC, Said, user_data
+from .endpoints import TOPIC, Said, announced_data
 from .link import KEEP_ALL, endpoint_qos
 from .types import announcement_type
 
@@ -19,13 +19,16 @@ NAME = f"{TOPIC}announcements"
 
 
 class Announcing:
-    """A writer that sends no samples: its USER_DATA holds the descriptions of the announced links."""
+    """Writers that send no samples: their USER_DATA holds the descriptions of the announced links.
+
+    There is one, unless the descriptions are too long for it.
+    """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._lock = threading.Lock()
         self._descriptions: dict[Hashable, Said] = {}
-        self._writer: Writer | None = None
+        self._writers: list[Writer] = []
         self._gathering = 0
         self._changed = False
 
@@ -53,14 +56,16 @@ class Announcing:
                     self._announce()
 
     def _announce(self) -> None:
-        """Replace the writer; called with the lock."""
+        """Replace the writers; called with the lock."""
         self._changed = self._gathering > 0
         if self._changed:
             return
-        former, new = self._writer, None
-        if self._descriptions:
-            data = user_data(list(self._descriptions.values()))
-            new = self._bus.writer(NAME, announcement_type(), endpoint_qos(KEEP_ALL, data))
-        self._writer = new
-        if former:
-            former.close()  # after the new one exists, so that no announcement disappears
+        with contextlib.ExitStack() as replaced:
+            new = []
+            for data in announced_data(list(self._descriptions.values())):
+                new.append(self._bus.writer(NAME, announcement_type(), endpoint_qos(KEEP_ALL, data)))
+                replaced.callback(new[-1].close)
+            replaced.pop_all()
+            for each in self._writers:
+                replaced.callback(each.close)  # after the new ones exist, so that no announcement disappears
+            self._writers = new

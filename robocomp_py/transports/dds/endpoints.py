@@ -58,12 +58,23 @@ _DESCRIBED: dict[str, type] = {
 }  # fmt: skip
 
 
-def user_data(said: Said | list[Said]) -> Policy.Userdata:
-    """The USER_DATA of an endpoint: the description of its link, or of several announced links."""
+def user_data(said: Said) -> Policy.Userdata:
+    """The USER_DATA of an endpoint: the description of its link, without its contract if that is too long."""
     packed = _packed(said)
-    if len(packed) > _MOST_TEXT:
-        packed = _packed([each | {"text": ""} for each in said] if isinstance(said, list) else said | {"text": ""})
-    return Policy.Userdata(packed)
+    return Policy.Userdata(packed if len(packed) <= _MOST_TEXT else _packed(said | {"text": ""}))
+
+
+def announced_data(said: list[Said]) -> list[Policy.Userdata]:
+    """The USER_DATA of endpoints that announce all these links: of as many endpoints as it takes."""
+    if not said:
+        return []
+    packed = _packed(said)
+    if len(packed) <= _MOST_TEXT:
+        return [Policy.Userdata(packed)]
+    if len(said) == 1:
+        return [user_data(said[0])]
+    half = len(said) // 2
+    return [*announced_data(said[:half]), *announced_data(said[half:])]
 
 
 def _packed(said: Said | list[Said]) -> bytes:

@@ -322,6 +322,8 @@ class Subscriber(Link, SupportsSources):
         self._fingerprint = channel.type.fingerprint
         self._reception = Reception(channel, self.stats, self._through)
         self._ledger = Ledger(self.stats, ordered=True)
+        # A writer waits for readers that are reliable on the wire. Only those get latched messages.
+        self._common = best_effort_qos if channel.tap and not channel.qos.latched else endpoint_qos
         self._topics: dict[str, _SubscribedTopic] = {}
         self._greeted: set[int] = set()
         """The writers from which something has come: they are connected."""
@@ -422,9 +424,11 @@ class Subscriber(Link, SupportsSources):
             about = self.about("credits", name)
             credits = self.bus.writer(f"rc/{name}Credit", credit_type(), endpoint_qos(KEEP_ALL, about))
         self._topics[name] = topic = _SubscribedTopic(name, self._reader(name, self.channel), credits)
+        topic.common = self._common
         self.bus.loop.attach(topic.reader.condition, partial(self._on_message, topic))
 
-    def _reader(self, name: str, channel: Channel, common: Callable[..., Qos] = endpoint_qos) -> Reader:
+    def _reader(self, name: str, channel: Channel, common: Callable[..., Qos] | None = None) -> Reader:
+        common = common or self._common
         kind = publication_type(channel.type.name, channel.type.request)
         qos = topic_qos(channel, self.transport.limits, self.about("subscribes", name), common=common)
         return self.bus.reader(f"rc/{name}", kind, qos)
@@ -524,7 +528,7 @@ class Subscriber(Link, SupportsSources):
                 self.stats.dropped += 1
                 return None
         if self._reception.on:
-            payload = self._reception.admit(topic.name, stamp, payload)
+            payload = self._reception.admit(topic.name, stamp, payload, source, sequence)
         if not self._reliable:
             return payload
         self._put += 1

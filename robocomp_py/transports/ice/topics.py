@@ -326,7 +326,7 @@ class Subscriber(SubscribingLink["IceTransport"]):
             return None
         octets = len(payload)
         if self._reception.on:
-            payload = self._reception.admit(header.channel, header.stamp, payload)
+            payload = self._reception.admit(header.channel, header.stamp, payload, header.source, header.sequence)
         return self._put((header, octets, payload) if self.lossless else payload)
 
     def _put(self, item: Any) -> Job | None:

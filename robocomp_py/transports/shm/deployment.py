@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from ..deployment import Deployment, Near
 
 
@@ -13,7 +15,14 @@ class ShmDeployment(Deployment):
     unprotected = ""  # one user of one host
     shares = False
     leaves_memory = True
+    shared_memory = "/dev/shm"
     modules = (("iceoryx2", "iceoryx2"),)
+
+    def memory_files(self) -> list[Path]:
+        from ..directory import runtime_dir
+        from .room import SHARED_MEMORY, prefix
+
+        return list(Path(SHARED_MEMORY).glob(f"{prefix(runtime_dir(self.directory))}*"))
 
     def crowded(self, connections: int) -> str:
         from .room import crowded  # asks the operating system

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import re
 import secrets
@@ -28,7 +27,7 @@ import iceoryx2
 
 from ...errors import ConfigurationError, TransportError
 from .heap import Heap, Heaps, remove_dead
-from .room import OPENING, SHARED_MEMORY, check_room, hindrance, what_is_short
+from .room import OPENING, SHARED_MEMORY, check_room, hindrance, prefix, what_is_short
 from .unsafe import OCTETS
 
 PORTS = 512
@@ -63,11 +62,6 @@ def as_transport_error(doing: str) -> Iterator[None]:
 
 
 _SECRET = re.compile(r"[0-9a-f]{16}")
-
-
-def prefix(folder: Path) -> str:
-    """The prefix of all names in shared memory, for a folder and its user. The secret follows it."""
-    return "rc" + hashlib.sha256(f"{os.getuid()}:{folder.resolve()}".encode()).hexdigest()[:8] + "_"
 
 
 class Node:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import mmap
 import os
 import pwd
@@ -32,6 +33,11 @@ FILES = 32
 
 class Full(TransportError):
     """There is not enough shared memory."""
+
+
+def prefix(folder: Path) -> str:
+    """The prefix of all names in shared memory, for a folder and its user. The secret follows it."""
+    return "rc" + hashlib.sha256(f"{os.getuid()}:{folder.resolve()}".encode()).hexdigest()[:8] + "_"
 
 
 def free() -> int:

@@ -9,18 +9,15 @@ from typing import Any
 from ...wire import names
 from ..base import TransportConfig
 from ..census import Told
-from ..directory import runtime_dir
 from .table import Token
 from .transport import ZenohTransport
 
 
 def census(options: Mapping[str, Any]) -> list[Told]:
-    """See `Deployment.census`. If no router of this user runs, nothing can be there."""
-    if not options and not (runtime_dir("zenoh") / "router.sock").exists():
-        return []
+    """See `Deployment.census`."""
     with contextlib.closing(ZenohTransport(TransportConfig(options, "rc"))) as transport:
         tokens = transport.every_token()
-        owners = _owners(tokens)
+        owners = _owners(tokens) | transport.owners()
         texts: dict[int, str] = {}
         for token in tokens:
             if not texts.get(token.fingerprint):  # a link may leave before it answers, so the next one is asked
@@ -40,14 +37,14 @@ def census(options: Mapping[str, Any]) -> list[Told]:
 
 
 def _owners(tokens: Iterable[Token]) -> dict[int, str]:
-    """The instance that each transport belongs to: the one whose CommonBehavior it serves, else any that it serves.
+    """The instance that each transport seems to belong to, of programs that do not tell it (see `telling`).
 
-    A token does not contain it.
+    That is the one whose CommonBehavior it serves, else any that it serves. A token does not contain it.
     """
     found: dict[int, str] = {}
     for token in tokens:
         if token.role in ("serves", "receives", "publishes") and not token.channel.startswith(names.ANY):
-            instance = names.instance(token.channel)
+            instance = token.channel.rsplit("/", 2)[0]
             if names.segment(token.channel) == "CommonBehavior":
                 found[token.transport] = instance
             else:

@@ -21,7 +21,11 @@ class ZenohDeployment(Deployment):
     modules = (("zenoh", "eclipse-zenoh"),)
 
     def census(self, options: Mapping[str, Any]) -> list[Told]:
-        from .census import census  # imports the middleware
+        from ..directory import runtime_dir
+
+        if not options and not (runtime_dir("zenoh") / "router.sock").exists():
+            return []  # without a router, nothing can be there
+        from .census import census  # imports the middleware, which takes long
 
         return census(options)
 

@@ -61,7 +61,7 @@ class Link(BaseLink["ZenohTransport", Token]):
 
     def opened(self) -> None:
         self.transport.links_by_id[self.id] = self  # before the token: peers answer it at once
-        traits = owned(self.transport.owner) if self.role in USING else self.traits
+        traits = owned(self.transport.owner.rpartition("/")[2]) if self.role in USING else self.traits
         token = Token(self.role, traits, self.channel.type.fingerprint, os.getpid(), self.id, self.channel.name)
         self._token = self.transport.session.liveliness().declare_token(self.transport.key("rc_lv", token.key_expr()))
         self.look()

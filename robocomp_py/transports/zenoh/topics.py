@@ -24,6 +24,7 @@ from ...wire.header import (
 from ...wire.names import ANY
 from ..base import (
     Channel,
+    Heard,
     Sink,
     Source,
     SupportsSources,
@@ -180,7 +181,7 @@ class Subscriber(Link, SupportsSources):
         self._reader = Reader(
             channel.name,
             self._admit,
-            lambda payload: sink(payload.to_bytes()),
+            _headed(sink) if channel.headed else lambda payload: sink(payload.to_bytes()),
             depth_of(channel.qos),
             lossy=not self._lossless,
             stats=self.stats,
@@ -315,7 +316,8 @@ class Subscriber(Link, SupportsSources):
             self._count_lost(source, self.stats.lost - lost)
         if not self._reception.on:
             return payload
-        return self._reception.admit(self._channels.get(source, self.channel.name), stamp, payload)
+        name = self._channels.get(source, self.channel.name)
+        return self._reception.admit(name, stamp, payload, source, sequence)
 
     def _count_lost(self, source: int, count: int) -> None:
         """Log and count lost messages of a reliable publisher; a lost connection is the cause."""
@@ -375,3 +377,12 @@ class Subscriber(Link, SupportsSources):
             return [*missed, *self._catching_up.pop(source, ())]  # `_admit` drops duplicates
 
         self._reader.feed(messages)
+
+
+def _headed(sink: Sink) -> Sink:
+    """The sink of a channel that is `headed`, as the reader calls it: with payloads of Zenoh's type."""
+
+    def deliver(heard: Heard) -> None:
+        sink(heard._replace(payload=heard.payload.to_bytes()))
+
+    return deliver

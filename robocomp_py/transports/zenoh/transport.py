@@ -48,6 +48,7 @@ from .refusal import why_refused
 from .server import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
 from .table import NUMBERS, Table, Token
+from .telling import WHO, owner_of, who
 from .tls import NUMBER_BITS, checked, client_settings, number, rights
 from .topics import Publisher, Subscriber
 from .watching import INQUIRY, PROVIDING, Watching
@@ -203,6 +204,18 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
                     tokens.append(Token.parse(str(reply.ok.key_expr)))
         return sorted(tokens)
 
+    def owners(self) -> dict[int, str]:
+        """The owners of all transports of the domain that tell it, by the numbers of the transports."""
+        found: dict[int, str] = {}
+        with contextlib.suppress(zenoh.ZError):
+            key = self.key("rc_ask", "*", "*", WHO)
+            for reply in self.session.get(
+                key, timeout=INQUIRY, cancellation_token=self._cancellation, consolidation=NO_CONSOLIDATION
+            ):
+                if reply.ok:
+                    found |= owner_of(reply.ok.payload.to_bytes())
+        return found
+
     def _inquire(self, link: int, what: str, channel: str = "") -> list[zenoh.Reply]:
         """All replies; a time-out is one of them. Raises ZError."""
         key = f"{self.address('rc_ask', link)}/{what}"
@@ -333,6 +346,10 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
     def _answer(self) -> None:
         query = self._inquiries.get()
         _, _, _, number, what, *channel = str(query.key_expr).split("/")
+        if what == WHO:
+            with contextlib.suppress(zenoh.ZError), contextlib.closing(QueryReplier(query)) as asked:
+                asked.reply(b"", who(self._id, self.owner))
+            return
         link = self._link(number)
         if link and self._keyed and what != "text" and "/".join(channel) != link.channel.name:
             link = None  # the keys allowed the inquiry for another channel only

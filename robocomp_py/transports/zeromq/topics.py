@@ -9,11 +9,12 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 import zmq
 
+from ...contract.qos import from_traits
 from ...errors import (
     DecodeError,
     Timeout,
@@ -55,11 +56,17 @@ _AT_FIRST, _LATER = 0.005, 1.0
 WELCOMES = "h"
 """The mark of a publisher that tells its subscribers that they are connected."""
 
+SPARES = "b"
+"""The mark of a reliable publisher that opens a second socket for best-effort subscribers. So it does not wait for
+them: it waits for all subscribers of the first one, since ZeroMQ cannot tell them apart."""
+
 
 class Publisher(Link, SupportsSubscribers):
     role, facing, marks = "publishes", "subscribes", WELCOMES
     _here: TopicSocket | None = None
     """The socket for this host."""
+    _beside: TopicSocket | None = None
+    """That for best-effort subscribers of a reliable topic on this host, once there is one."""
     _far: TopicSocket | None = None
     """The socket for other hosts, if there may be any."""
     _sent_here: Frames | None = None
@@ -78,9 +85,11 @@ class Publisher(Link, SupportsSubscribers):
         """Seconds until the next look for expected subscribers."""
         self._order = threading.Lock()
         self._looking = threading.RLock()
-        self._lossy = not qos.reliable
+        self._depth, self._lossy = depth, not qos.reliable
         self._path = self.transport.member.address(ending(self._source))
         self._address = f"ipc://{self._path}"
+        if not self._lossy:
+            self.marks += SPARES
         self._here = self._open_here(depth)
         self._far = self._open_far(depth)
         if self._far is None:
@@ -112,8 +121,11 @@ class Publisher(Link, SupportsSubscribers):
 
     def look(self) -> bool:
         with self._looking:  # an interrupted thread must not overwrite a newer result
-            self._expected = {named for _, entry in self.counterparts() if (named := self._welcome_of(entry))}
+            found = [entry for _, entry in self.counterparts()]
+            self._expected = {named for entry in found if (named := self._welcome_of(entry))}
             self._pause = _AT_FIRST
+            if not (self._lossy or self._beside or self.closed.is_set()) and any(map(_is_lossy, found)):
+                self._open_beside()
         return True
 
     def tick(self) -> float | None:
@@ -142,6 +154,10 @@ class Publisher(Link, SupportsSubscribers):
         return bool(self._is_subscribed() or self._history.maxlen)
 
     def release(self) -> None:
+        with self._looking:
+            if self._beside:
+                remove(beside(self._path))
+                self._beside.close()
         if self._far:
             self.transport.end_topic(self._address)
             self._far.close()
@@ -156,6 +172,14 @@ class Publisher(Link, SupportsSubscribers):
             opening = partial(open_here, self.transport, self._path, depth, watched=True)
             return TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
         return self.transport.shared_sockets.join(self._topic, depth, self._path)
+
+    def _open_beside(self) -> None:
+        opening = partial(
+            open_here, self.transport, beside(self._path), self._depth, watched=bool(self._history.maxlen)
+        )
+        self._beside = TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
+        if self._far is None:
+            self._at_once = self._send
 
     def _open_far(self, depth: int) -> TopicSocket | None:
         if not self.transport.bound:
@@ -176,33 +200,40 @@ class Publisher(Link, SupportsSubscribers):
 
     def _send_here(self, frames: Frames) -> bool:
         assert self._here
-        socket = self._here.socket
+        socket, spare = self._here.socket, self._beside
         if not self._history.maxlen:
-            return socket.send_only(frames) or (self._lossy and socket.send_to_some(frames))
-        with socket.lock:  # at once, so that a new subscriber gets this message only once, as news or as history
-            if self._here.take_subscriptions():
+            sent = socket.send_only(frames) or (self._lossy and socket.send_to_some(frames))
+            if sent and spare:
+                _send_to_some(spare.socket, frames)
+            return sent
+        # at once, so that a new subscriber gets this message only once, as news or as history
+        with socket.lock, spare.socket.lock if spare else contextlib.nullcontext():
+            if self._here.take_subscriptions() or (spare and spare.take_subscriptions()):
                 return False
             sent = socket.send(frames) or (self._lossy and socket.send_to_some(frames))
             if sent:
+                if spare:
+                    _send_to_some(spare.socket, frames)
+                    spare.socket.look()
                 first, *arrays = frames
                 self._history.append([first[len(self._topic) :], *map(bytes, arrays)])
             return sent
 
+    def _sockets(self) -> list[TopicSocket]:
+        return [each for each in (self._here, self._beside, self._far) if each]
+
     def _count(self) -> None:
-        for each in (self._here, self._far):
-            if each:
-                each.count()
+        for each in self._sockets():
+            each.count()
 
     def _is_subscribed(self) -> bool:
-        assert self._here
-        return self._topic in self._here.subscribed or bool(self._far and self._far.subscribed)
+        return any(self._topic in each.subscribed for each in self._sockets())
 
     def _is_known_to_all(self) -> bool:
         """Whether all subscribers in the directory are connected."""
         missing = self._expected
-        for each in (self._here, self._far):
-            if each:
-                missing = missing - each.welcomed
+        for each in self._sockets():
+            missing = missing - each.welcomed
         return not missing
 
     def _welcome_of(self, subscriber: Entry) -> bytes:
@@ -253,7 +284,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 return True
             for member, entry in found:
                 if entry.address not in self._feeds and entry.address not in self._garbled:
-                    self._connect(member, entry.address, entry.channel)
+                    self._connect(member, entry)
         return True
 
     def tick(self) -> float | None:
@@ -317,7 +348,8 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         member_id = PurePath(address).name.rpartition("-")[0]
         return not was_active and feed not in self._muted and self.transport.directory.alive(member_id)
 
-    def _connect(self, member: Member, address: str, channel: str) -> None:
+    def _connect(self, member: Member, publisher: Entry) -> None:
+        address, channel = publisher.address, publisher.channel
         topics = [topic(channel)]
         if self.channel.qos.latched:
             topics.append(b"\0" + random_id().to_bytes(8, "little"))
@@ -329,7 +361,9 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 secure = self.transport.secure_to(member)
                 feed = FarFeed(self.transport, address, topics, secure, max(self._depth, 8))
             else:
-                feed = Feed(address.removeprefix("ipc://"), topics)
+                path = PurePath(address.removeprefix("ipc://"))
+                is_spared = not self.lossless and SPARES in publisher.traits
+                feed = Feed(str(beside(path) if is_spared else path), topics)
         except (ConnectionError, FileNotFoundError, BlockingIOError):
             self._incomplete = True  # it has gone, or accepts no connection just now
         except OSError as exc:
@@ -409,6 +443,23 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         self._lane.drain()
         if self._muted:
             self._hear_all()
+
+
+def _is_lossy(subscriber: Entry) -> bool:
+    """Whether a subscriber uses the second socket of a reliable publisher."""
+    return not from_traits(subscriber.traits).reliable
+
+
+def _send_to_some(socket: Socket, frames: Frames) -> None:
+    """Send; subscribers without room miss the message."""
+    if not socket.send_only(frames):
+        socket.send_to_some(frames)
+
+
+def beside(path: Path | PurePath) -> Path:
+    """Where a reliable publisher at this path has its second socket."""
+    head, _, end = path.name.rpartition("-")
+    return Path(path.with_name(f"{head}-b{end}"))
 
 
 def ending(source: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.actions import flight
 from tests.deploy.hosts.site import Site, generate, gone
 from tests.deploy.laboratory import Laboratory
 
@@ -61,6 +63,7 @@ def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "Echo.idsl").write_text(IDSL)
     generate(root, "echo", ECHO, ECHOING)
     generate(root, "asker", ASKER, ASKING)
+    flight.write(root)
     return root
 
 
@@ -82,9 +85,13 @@ def test_components_on_two_hosts_talk_to_each_other(site: Site, middleware: str)
     site.host("base")
     instances = "Component echo : Echo { host robot; }; Component asker : Asker { host base; };"
     net = site.network(instances, f"security open; middleware {middleware};")
-    run = site.done("--insecure", net, "--until", "asker")
+    run = site.done("--insecure", net, "--until", "asker", "--record-logs", "json")
     assert run.code == 0, run.text
     assert "asked and heard" in run.text
+    logs = site.done("logs", net, "--json", "--level", "info", "--grep", "^asked")
+    (record,) = (json.loads(line) for line in logs.lines if line.startswith("{"))
+    assert [record[key] for key in ("instance", "level", "text")] == ["asker", "info", "asked and heard"]
+    assert record["file"].endswith("specificworker.py")
     gone(site, "robot", "base")
 
 
@@ -99,6 +106,21 @@ def test_components_on_two_hosts_talk_to_each_other_with_keys(site: Site, middle
     run = site.done(net, "--until", "asker")
     assert run.code == 0, run.text
     assert "asked and heard" in run.text
+    gone(site, "robot", "base")
+
+
+@pytest.mark.parametrize("middleware", ["zeromq", "zenoh"])
+def test_goals_are_awaited_over_two_hosts_with_keys(site: Site, middleware: str):
+    site.host("robot")
+    site.host("base")
+    instances = "Component ship : ship { host robot; }; Component crew : crew { host base; };"
+    net = site.network(instances, f"security lan; middleware {middleware};")
+    made = site.done("keys", net)
+    assert made.code == 0, made.text
+    run = site.done(net, "--until", "crew")
+    assert run.code == 0, run.text
+    for line in flight.TOLD:
+        assert line in run.text, run.text
     gone(site, "robot", "base")
 
 

@@ -291,3 +291,12 @@ def test_documentation_does_not_change_what_an_operation_means() -> None:
     one, other = interface_of(plain).operations[0], interface_of(documented).operations[0]
     assert one == other
     assert one.fingerprint == other.fingerprint
+
+
+def test_an_operation_may_want_a_confirmation_which_is_no_part_of_the_contract() -> None:
+    text = "module M {{ interface I {{ {} void stop(int confirm); [action] {} int dock(); }}; }};"
+    marked, plain = (interface_of(text.format(mark, mark), "I") for mark in ("[confirm]", ""))
+    assert [each.operations[0].confirm for each in (marked, plain)] == [True, False]
+    assert [each.actions[0].start.confirm for each in (marked, plain)] == [True, False]
+    assert marked.operations[0].fingerprint == plain.operations[0].fingerprint
+    assert marked.actions[0].start.fingerprint == plain.actions[0].start.fingerprint

@@ -84,7 +84,8 @@ def test_the_program_has_the_length_of_a_page() -> None:
     assert "robocomp" not in program.replace("RoboComp", "")
 
 
-def test_the_lock_file_says_what_to_get_and_not_from_where() -> None:
-    packages = json.loads((HERE / "package-lock.json").read_text())["packages"]
+@pytest.mark.parametrize("folder", ["zeromq", "mcap"])
+def test_the_lock_file_says_what_to_get_and_not_from_where(folder: str) -> None:
+    packages = json.loads((HERE.parent / folder / "package-lock.json").read_text())["packages"]
     assert [name for name, each in packages.items() if name and "integrity" not in each] == []
     assert [name for name, each in packages.items() if "resolved" in each] == []

@@ -110,6 +110,7 @@ Widths.__contract__ = Struct(
         Field("k", TIME),
     ),
     Widths,
+    doc="All types whose width their name tells.",
 )
 
 
@@ -135,17 +136,23 @@ class Slice:
 Slice.__contract__ = Struct(
     "Everything::Slice",
     (
-        Field("a", UINT8),
-        Field("b", INT16),
-        Field("c", INT32, -7),
-        Field("d", INT64),
+        Field("a", UINT8, doc="8 bits"),
+        Field("b", INT16, doc="16 bits"),
+        Field(
+            "c",
+            INT32,
+            -7,
+            doc="32 bits, and a comment that is so long that it cannot stand behind its field in one line",  # noqa: E501, RUF100
+        ),
+        Field("d", INT64, doc="64 bits"),
         Field("e", FLOAT32),
         Field("f", FLOAT64),
         Field("g", STRING, "unnamed"),
         Field("h", Level.__contract__, "high"),
-        Field("i", Shapes.Point.__contract__),
+        Field("i", Shapes.Point.__contract__, doc="of another module"),
     ),
     Slice,
+    doc="All types with the names of Slice.",
 )
 
 
@@ -220,6 +227,7 @@ Containers.__contract__ = Struct(
         Field("outlines", Sequence(Sequence(Shapes.Point.__contract__))),
     ),
     Containers,
+    doc="All of them in one.",
 )
 
 
@@ -241,6 +249,7 @@ Failed.__contract__ = ExceptionType(
     ),
     base=None,
     python=Failed,
+    doc="Something did not work.",
 )
 
 
@@ -262,6 +271,7 @@ Late.__contract__ = ExceptionType(
     ),
     base=Failed.__contract__,
     python=Late,
+    doc="It did not work in time.",
 )
 
 _Counter_count: Operation[int] = Operation(
@@ -286,6 +296,7 @@ _Store_keep: Operation[Containers] = Operation(
     "keep",
     inputs=(Field("what", Containers.__contract__),),
     outputs=(Field("ret", Containers.__contract__),),
+    doc="Keep something, and get it back.",
 )
 _Store_widths: Operation[Widths] = Operation(
     "Everything::Store",
@@ -315,6 +326,7 @@ _Store_check: Operation[None] = Operation(
         Late.__contract__,
         Failed.__contract__,
     ),
+    doc="Do nothing. Fails if it is told to.",
 )
 _Store_adjust: Operation[None] = Operation(
     "Everything::Store",
@@ -427,6 +439,7 @@ _News_asked: Operation[int] = Operation(
     "Everything::News",
     "asked",
     outputs=(Field("ret", INT32),),
+    doc="cannot be published",
 )
 NEWS_INTERFACE = Interface(
     "Everything::News",

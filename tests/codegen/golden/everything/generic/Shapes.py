@@ -32,8 +32,8 @@ class Point:
 Point.__contract__ = Struct(
     "Shapes::Point",
     (
-        Field("x", FLOAT32),
-        Field("y", FLOAT32),
+        Field("x", FLOAT32, doc="in m"),
+        Field("y", FLOAT32, doc="in m"),
     ),
     Point,
 )

@@ -62,13 +62,14 @@ class Point:
 Point.__contract__ = Struct(
     "Lidar::Point",
     (
-        Field("x", FLOAT32),
-        Field("y", FLOAT32),
-        Field("z", FLOAT32),
+        Field("x", FLOAT32, doc="m"),
+        Field("y", FLOAT32, doc="m"),
+        Field("z", FLOAT32, doc="m"),
         Field("intensity", INT32),
         Field("kind", Kind.__contract__),
     ),
     Point,
+    doc="One echo.",
 )
 
 Points: TypeAlias = NDArray[np.void]
@@ -89,7 +90,7 @@ class Scan:
 Scan.__contract__ = Struct(
     "Lidar::Scan",
     (
-        Field("stamp", INT64),
+        Field("stamp", INT64, doc="ns"),
         Field("points", Sequence(Point.__contract__, records=True)),
     ),
     Scan,

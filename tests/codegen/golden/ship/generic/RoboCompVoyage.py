@@ -101,6 +101,7 @@ PilotGoToFeedback.__contract__ = Struct(
         Field("seen", Sequence(Place.__contract__)),
     ),
     PilotGoToFeedback,
+    doc="The feedback of `goTo`.",
 )
 
 
@@ -117,6 +118,7 @@ CaptainTurnRoundFeedback.__contract__ = Struct(
     "RoboCompVoyage::CaptainTurnRoundFeedback",
     (Field("deadline", INT32),),
     CaptainTurnRoundFeedback,
+    doc="The feedback of `turn_round`.",
 )
 
 
@@ -139,6 +141,7 @@ _Pilot_goTo = _actions.Action(
     feedback=PilotGoToFeedback.__contract__,
     raises=(Blocked.__contract__,),
     goal=PilotGoToGoal,
+    doc="Go to a place.",
 )
 _Pilot_dock = _actions.Action(
     "RoboCompVoyage::Pilot",
@@ -180,6 +183,7 @@ _Captain_goTo = _actions.Action(
     raises=(Blocked.__contract__,),
     origin="RoboCompVoyage::Pilot",
     goal=PilotGoToGoal,
+    doc="Go to a place.",
 )
 _Captain_dock = _actions.Action(
     "RoboCompVoyage::Captain",

@@ -1,0 +1,323 @@
+"""`rc action`: goals of components that run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import queue
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE, INTERRUPTED, USAGE, WRONG, print_table
+from .completing import What, completed
+from .live import (
+    Absent,
+    add_json,
+    add_middleware,
+    add_request,
+    add_waiting,
+    add_yes,
+    allowed,
+    arguments_of,
+    awaited,
+    positive,
+    reported,
+)
+
+if TYPE_CHECKING:
+    from ..actions.goal import Goal
+    from ..contract.action import Action, GoalState
+    from ..tools.access import Access
+    from ..tools.actions import Offered
+    from ..tools.network import Network
+
+NAME = "action"
+HELP = "begin, watch and cancel goals of actions"
+
+_EXAMPLES = """\
+examples:
+  rc action list                                  the actions that are offered now
+  rc action info Navigation/goTo                  its types, and the goals that its server knows
+  rc action send goTo target.x=3 target.y=0       begin a goal; print its feedback and its result
+  rc action send goTo @where.json --detach        ... and leave it
+  rc action cancel goTo 1f0c                      cancel the goal whose id begins so
+  rc action cancel goTo                           ... all goals of the action
+
+Ctrl-C cancels the goal of `rc action send`; a second Ctrl-C does not wait for its end.
+
+exit status: 0 done (the goal has succeeded), 1 nothing is there, or the goal failed or was cancelled, 2 usage,
+130/143 by a signal
+"""
+
+_LOOK = 0.1
+"""Seconds between two looks at whether a goal is over."""
+
+_WAITING = 1000
+"""Messages of feedback that may wait to be printed."""
+
+_LATCHED = 1.0
+"""Seconds within which a server that has had goals tells their states."""
+
+_CANCELLING = 5.0
+"""Seconds for a cancelled goal to end."""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = "Begin, watch and cancel goals of actions that components offer."
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    commands = to.add_subparsers(dest="does", metavar="list|info|send|cancel", required=True)
+    listing = commands.add_parser("list", help="list the actions that are offered now")
+    info = commands.add_parser("info", help="show the types of an action, and the goals that its server knows")
+    send = commands.add_parser("send", help="begin a goal; print its feedback and its result")
+    cancel = commands.add_parser("cancel", help="cancel one goal of an action, or all of them")
+    for each in (info, send, cancel):
+        about = "arm/Navigation/goTo, or an unambiguous part of such a name"
+        completed(each.add_argument("action", metavar="NAME", help=about), What.ACTION)
+    add_request(send)
+    add_yes(send)
+    send.add_argument("--detach", action="store_true", help="return when the goal is accepted; it goes on")
+    send.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="cancel the goal after this time")
+    cancel.add_argument("goal", nargs="?", default="", metavar="ID", help="the beginning of its id (default: all)")
+    for each in (info, send, cancel):
+        add_waiting(each)
+    for each in (listing, info, send, cancel):
+        add_middleware(each)
+    for each in (listing, send):
+        add_json(each)
+
+
+def run(options: argparse.Namespace) -> int:
+    does = {"list": _list, "info": _info, "send": _send, "cancel": _cancel}
+    with reported(f"rc action {options.does}") as code:
+        return does[options.does](options)
+    return code()
+
+
+def _list(options: argparse.Namespace) -> int:
+    from ..tools.actions import offered
+    from ..tools.census import take_census
+
+    found = offered(take_census(options.middleware)).values()
+    rows = []
+    for each in found:
+        provided = list(dict.fromkeys(end.told.owner or "?" for end in each.start.providers))
+        used = list(dict.fromkeys(end.told.owner or "?" for end in each.start.users))
+        if options.json:
+            listed = {"action": each.name, "middlewares": each.start.middlewares, "providers": provided, "users": used}
+            print(json.dumps(listed))
+        rows.append((each.name, ", ".join(each.start.middlewares), ", ".join(provided), ", ".join(used)))
+    if rows and not options.json:
+        print_table(("action", "over", "provided by", "used by"), rows, wrapped=("provided by", "used by"))
+    if not rows:
+        print("rc action list: no action is offered on this host", file=sys.stderr)
+    return FINE if rows else WRONG
+
+
+def _info(options: argparse.Namespace) -> int:
+    from ..tools.access import Access
+    from ..tools.actions import told
+    from .info import end_line
+
+    offered = _awaited(options)
+    action = _action_of(offered)
+    print(f"{offered.name}: action")
+    for line in told(action):
+        print(f"  {line}")
+    for word, ends in (("served", offered.start.providers), ("used", offered.start.users)):
+        for end in ends:
+            print(f"  {word} by {end_line(end)}")
+    with Access() as access:
+        known = _goals(access, offered)
+    for goal, state in known.items():
+        print(f"  goal {goal.hex()}: {state.name}")
+    return FINE
+
+
+def _cancel(options: argparse.Namespace) -> int:
+    from ..contract.action import GoalState
+    from ..tools.access import Access
+
+    offered = _awaited(options)
+    action = _action_of(offered)
+    with Access() as access:
+        known = _goals(access, offered)
+        wanted = {goal: state for goal, state in known.items() if goal.hex().startswith(options.goal.lower())}
+        active = [goal for goal, state in wanted.items() if not state.is_over]
+        if not active:
+            raise Absent(_no_goal(offered.name, options.goal, wanted))
+        if options.goal and len(active) > 1:
+            listed = ", ".join(each.hex()[:8] for each in active)
+            raise Absent(f"`{options.goal}` may be {listed}; write more of the id")
+        for goal in active:
+            (state,) = access.ask(offered.parts["cancel"], (list(goal),), options.timeout)
+            print(f"{action.name} {goal.hex()[:8]}: {GoalState(state).name}")
+    return FINE
+
+
+def _no_goal(name: str, given: str, known: dict[bytes, GoalState]) -> str:
+    if given and known:
+        goal, state = next(iter(known.items()))
+        return f"goal {goal.hex()[:8]} of {name} is over: {state.name}"
+    return f"{name} has no goal {given}" if given else f"{name} has no goal that could be cancelled"
+
+
+def _send(options: argparse.Namespace) -> int:
+    from ..client.goals import Action as Sending
+    from ..client.session import Session
+    from ..tools import asking
+    from ..tools.access import Access
+    from ..tools.network import TOOL
+    from ..wire import json as values
+
+    network, offered = awaited(options, lambda network: (network, _picked(network, options)))
+    action = _action_of(offered)
+    with Access() as access:
+        about = asking.about(access, network, offered.start)
+    if action.inputs and not options.arguments:
+        print(f"{offered.name} takes arguments; fill in:", file=sys.stderr)
+        print(json.dumps(values.template(action.inputs)))
+        return USAGE
+    try:
+        taken = values.taken(action.inputs, arguments_of(options.arguments), action.name)
+    except ValueError as exc:
+        print(f"rc action send: {exc}", file=sys.stderr)
+        return USAGE
+    if refused := allowed(offered.start, about, "rc action send", yes=options.yes):
+        return refused
+    feedback: queue.Queue[tuple[bytes, Any]] = queue.Queue(_WAITING)
+    session = Session("", options.middleware, options.timeout, TOOL)
+    try:
+        sending = Sending(session, offered, lambda goal, told: _note(feedback, goal, told))
+        goal = sending(*taken, detached=options.detach)
+        _say(options, f"goal {goal.id.hex()[:8]} of {offered.name}: accepted", goal=goal.id.hex())
+        return FINE if options.detach else _follow(goal, action, feedback, options)
+    finally:
+        session.close()
+
+
+def _note(feedback: queue.Queue[tuple[bytes, Any]], goal: bytes, told: Any) -> None:
+    """On a thread of the transport: it never waits."""
+    if not feedback.full():
+        feedback.put_nowait((goal, told))
+
+
+def _follow(
+    goal: Goal[Any, Any], action: Action, feedback: queue.Queue[tuple[bytes, Any]], options: argparse.Namespace
+) -> int:
+    """Print what a goal tells until it is over. Cancel it at Ctrl-C, and when its time is over."""
+    interrupted = False
+    end = time.monotonic() + options.seconds if options.seconds else None
+    try:
+        while not goal.done:
+            _print_feedback(goal, action, feedback, options)
+            if end and time.monotonic() > end:
+                _say(options, f"not over in {options.seconds:g} s; cancelling the goal")
+                end = None
+                goal.cancel()
+    except KeyboardInterrupt:
+        interrupted = True
+        _say(options, "cancelling the goal; Ctrl-C again does not wait for its end")
+        goal.cancel()
+        while not goal.done:
+            _print_feedback(goal, action, feedback, options)
+    while not feedback.empty():
+        _print_feedback(goal, action, feedback, options)
+    code = _outcome(goal, action, options)
+    return INTERRUPTED if interrupted else code
+
+
+def _print_feedback(
+    goal: Goal[Any, Any], action: Action, feedback: queue.Queue[tuple[bytes, Any]], options: argparse.Namespace
+) -> None:
+    """Print the next feedback of this goal, if one comes soon."""
+    from ..wire import json as values
+
+    try:
+        identity, told = feedback.get(timeout=_LOOK)
+    except queue.Empty:
+        return
+    if identity == goal.id and action.feedback:
+        fields = action.feedback.fields
+        shown = values.shown(fields, [getattr(told, each.attribute) for each in fields])
+        if options.json:
+            print(json.dumps({"feedback": shown}), flush=True)
+        else:
+            print(f"feedback {json.dumps(shown, ensure_ascii=False)}", flush=True)
+
+
+def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) -> int:
+    """Print how a goal has ended; its result, or the exception that it has ended with."""
+    from ..contract.types import ExceptionType
+    from ..errors import Cancelled, DeclaredError
+    from ..wire import json as values
+
+    try:
+        result = goal.result(_CANCELLING)
+    except Cancelled:
+        _say(options, goal.status.name, status=goal.status.name)
+        return WRONG
+    except DeclaredError as exc:
+        kind = getattr(type(exc), "__contract__", None)
+        assert isinstance(kind, ExceptionType)
+        fields = values.shown(kind.fields, [getattr(exc, each.attribute) for each in kind.fields])
+        name = kind.name.replace("::", ".")
+        if options.json:
+            print(json.dumps({"status": goal.status.name, "exception": name, "fields": fields}))
+        print(f"rc action send: {name}: {json.dumps(fields)}", file=sys.stderr)
+        return WRONG
+    outputs = action.outputs
+    given = tuple(result) if len(outputs) > 1 else (result,) * len(outputs)
+    shown = values.shown(outputs, given)
+    told = shown["ret"] if list(shown) == ["ret"] else shown or None
+    if options.json:
+        print(json.dumps({"status": goal.status.name, "result": told}))
+    else:
+        print(goal.status.name, json.dumps(told, ensure_ascii=False))
+    return FINE
+
+
+def _say(options: argparse.Namespace, text: str, **told: str) -> None:
+    """News for people on stderr, or for machines on stdout."""
+    if options.json and told:
+        print(json.dumps(told), flush=True)
+    elif not options.json:
+        print(text, file=sys.stderr if not told else sys.stdout, flush=True)
+
+
+def _awaited(options: argparse.Namespace) -> Offered:
+    """The action of this name, once it is there. Raises Absent."""
+    return awaited(options, lambda network: _picked(network, options))
+
+
+def _picked(network: Network, options: argparse.Namespace) -> Offered:
+    from ..tools.actions import named
+
+    return named(network, options.action)
+
+
+def _action_of(offered: Offered) -> Action:
+    from ..tools.actions import action_of
+
+    return action_of(offered.name, {part: each.operation for part, each in offered.parts.items()})
+
+
+def _goals(access: Access, offered: Offered) -> dict[bytes, GoalState]:
+    """The goals that the server of an action tells; none if it has never had one."""
+    from ..tools.actions import goals
+
+    told: queue.Queue[Any] = queue.Queue(1)
+
+    def note(payload: Any) -> None:
+        if not told.full():
+            told.put_nowait(payload)
+
+    channel = offered.parts["status"]
+    heard = access.hear(channel, note, 1)
+    try:
+        payload = told.get(timeout=_LATCHED)
+    except queue.Empty:
+        return {}
+    octets, states = heard.codec.decoder(channel.operation.request)(payload)
+    return goals(bytes(octets), bytes(states))

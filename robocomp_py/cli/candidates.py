@@ -1,0 +1,228 @@
+"""What may follow on a command line: the words that an argument parser would accept next."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .common import FINE
+from .completing import ASKED, Values, What
+from .unsafe import help_of_commands
+
+Finder = Callable[[Sequence[str], str], tuple[argparse.ArgumentParser, Sequence[str]]]
+"""Finds the parser for a word behind others, and those of the others that it reads."""
+
+_REPEATED = type(argparse.ArgumentParser().add_argument("-x", action="append"))
+_SUBCOMMANDS = type(argparse.ArgumentParser().add_subparsers())
+"""Kinds of arguments: argparse has no public names for them."""
+
+
+class Candidate(NamedTuple):
+    text: str
+    """A whole word; the name of a folder, and what needs more behind it, end with `/` or `=`."""
+    about: str = ""
+
+
+def answer(find: Finder, words: Sequence[str]) -> int:
+    """Print what may stand in the place of the last word; return the exit code."""
+    for line in answered(find, words, os.environ[ASKED]):
+        print(line)
+    return FINE
+
+
+def answered(find: Finder, words: Sequence[str], shell: str) -> list[str]:
+    """The lines for a shell. bash gives its line up to the cursor as one text, the others give words."""
+    typed = _split(words[0] if words else "")[1:] if shell == "bash" else list(words)
+    *before, word = typed or [""]
+    parser, own = find(before, word)
+    found = list(dict.fromkeys(candidates(parser, own, word)))
+    if shell == "bash":
+        cut = max(word.rfind("="), word.rfind(":")) + 1  # bash replaces only what is behind these
+        return [each.text[cut:] for each in found]
+    return [f"{each.text}\t{' '.join(each.about.split())}" if each.about else each.text for each in found]
+
+
+def _split(line: str) -> list[str]:
+    """The words of a line in a shell; the last one is what is being typed, and may be empty."""
+    for closing in ("", "'", '"', "\\"):
+        try:
+            found = shlex.split(f"{line}{closing}")
+        except ValueError:
+            continue
+        return found if line[-1:].strip() or closing else [*found, ""]
+    return [""]
+
+
+def candidates(parser: argparse.ArgumentParser, words: Sequence[str], word: str) -> Iterator[Candidate]:
+    """What may stand for `word` behind `words`."""
+    place = _Place(parser)
+    for each in words:
+        place.pass_by(each)
+    option, equals, value = word.partition("=")
+    if place.value_of:
+        yield from _values(place.value_of, word)
+    elif place.takes_options and equals and (action := place.option(option)) is not None:
+        yield from (Candidate(f"{option}={each.text}", each.about) for each in _values(action, value))
+    elif place.takes_options and word.startswith("-"):
+        yield from place.options(word)
+    elif place.positional is not None:
+        yield from _values(place.positional, word)
+
+
+class _Place:
+    """Where the cursor is, seen from the words before it. argparse offers no public way to its arguments."""
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        self._enter(parser)
+        self.takes_options = True
+
+    def _enter(self, parser: argparse.ArgumentParser) -> None:
+        self._actions: Sequence[Any] = parser._actions
+        self._positionals = [each for each in self._actions if not each.option_strings]
+        self._taken = 0
+        """Words that the first of the positionals has got."""
+        self._wanted: list[argparse.Action] = []
+        """The option whose value comes next, as often as it takes values."""
+        self._used: set[int] = set()
+
+    @property
+    def value_of(self) -> argparse.Action | None:
+        return self._wanted[0] if self._wanted else None
+
+    @property
+    def positional(self) -> argparse.Action | None:
+        return self._positionals[0] if self._positionals else None
+
+    def option(self, text: str) -> argparse.Action | None:
+        return next((each for each in self._actions if text in each.option_strings), None)
+
+    def options(self, prefix: str) -> Iterator[Candidate]:
+        """Those that may still be given; the short form only if a single hyphen has been typed."""
+        for each in self._actions:
+            if id(each) in self._used and not isinstance(each, _REPEATED):
+                continue
+            fitting = [text for text in each.option_strings if text.startswith(prefix)]
+            if fitting and each.help != argparse.SUPPRESS:
+                yield Candidate(max(fitting, key=len), _help(each))
+
+    def pass_by(self, word: str) -> None:
+        if self._wanted:
+            del self._wanted[0]
+        elif self.takes_options and word == "--":
+            self.takes_options = False
+        elif self.takes_options and word.startswith("-") and word != "-":
+            name, equals, _ = word.partition("=")
+            if action := self.option(name):
+                self._used.add(id(action))
+                number = action.nargs if isinstance(action.nargs, int) else 1
+                self._wanted = [] if equals else [action] * number
+        elif action := self.positional:
+            self._take(action, word)
+
+    def _take(self, action: Any, word: str) -> None:
+        if isinstance(action, _SUBCOMMANDS):
+            if word in action.choices:
+                self._enter(action.choices[word])
+            return
+        self._taken += 1
+        most = action.nargs if isinstance(action.nargs, int) else 1
+        if action.nargs not in ("*", "+", argparse.REMAINDER) and self._taken >= most:
+            del self._positionals[0]
+            self._taken = 0
+
+
+def _help(action: argparse.Action) -> str:
+    return (action.help or "").partition(" (default")[0] % {"default": action.default, "prog": ""}
+
+
+def _values(action: argparse.Action, word: str) -> Iterator[Candidate]:
+    """The values of an argument that begin with a word."""
+    if isinstance(action, _SUBCOMMANDS):
+        about = help_of_commands(action)
+        known: Iterable[Candidate] = (Candidate(each, about.get(each, "")) for each in action.choices or ())
+    elif action.choices is not None:
+        known = (Candidate(str(each)) for each in action.choices)
+    else:
+        known = _named(action, word)
+    yield from (each for each in known if each.text.startswith(word))
+
+
+def _named(action: argparse.Action, word: str) -> Iterator[Candidate]:
+    """The values of an argument that has no choices."""
+    metavar = action.metavar if isinstance(action.metavar, str) else ""
+    by: tuple[Values, ...] = vars(action).get("completed", ())
+    endings = [each for each in by if isinstance(each, str) and not isinstance(each, What)]
+    if not by and metavar in ("DIR", "FOLDER"):
+        by = (What.FOLDER,)
+    elif not by and (found := re.fullmatch(r"\w+(\.[a-z]+)", metavar)):
+        endings = [found[1]]
+    for each in by:
+        if isinstance(each, What):
+            yield from _names(each, word)
+        elif not isinstance(each, str):
+            yield from (Candidate(*pair) for pair in each.items())
+    if endings or (not by and action.type is Path):
+        yield from _files(word, endings)
+
+
+def _names(what: What, word: str) -> Iterator[Candidate]:
+    match what:
+        case What.FOLDER:
+            yield from _files(word, None)
+        case What.NETWORK:
+            from ..deploy.client import networks
+
+            yield from (Candidate(name, "a network that runs") for name in networks())
+            yield from _files(word, [".ddsl"])
+        case What.MIDDLEWARE:
+            from .. import installed
+
+            yield from map(Candidate, installed.transports())
+        case What.COMPONENT:
+            from ..tools import announced
+
+            yield from map(Candidate, announced.components(announced.told_in_files(), word))
+        case What.ACTION:
+            from ..tools import announced
+
+            served = announced.channels(announced.told_in_files(), ("serves",))
+            actions = [each.removesuffix("-start") for each in served if each.endswith("-start")]
+            yield from map(Candidate, announced.fitting(actions, word))
+        case What.CHANNEL | What.TOPIC | What.CALLABLE:
+            from ..tools import announced
+
+            found = announced.channels(announced.told_in_files(), _ROLES[what])
+            yield from map(Candidate, announced.fitting(found, word))
+
+
+_ROLES = {
+    What.CHANNEL: ("publishes", "subscribes", "serves", "receives"),
+    What.TOPIC: ("publishes", "subscribes"),
+    What.CALLABLE: ("serves", "receives"),
+}
+"""Of the ends of channels that are meant."""
+
+
+def _files(typed: str, endings: Sequence[str] | None) -> Iterator[Candidate]:
+    """Folders, and the files with one of these endings. An empty list means all files, and None means no files.
+
+    Hidden ones need their dot to be typed.
+    """
+    folder, _, start = typed.rpartition("/")
+    before = typed[: len(typed) - len(start)]
+    try:
+        found = sorted(os.scandir(os.path.expanduser(before) if folder or before else "."), key=lambda each: each.name)
+    except OSError:
+        return
+    for each in found:
+        if not each.name.startswith(start) or (each.name.startswith(".") and not start):
+            continue
+        if each.is_dir():
+            yield Candidate(f"{before}{each.name}/")
+        elif endings is not None and (not endings or each.name.lower().endswith(tuple(endings))):
+            yield Candidate(before + each.name)

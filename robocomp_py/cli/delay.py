@@ -1,0 +1,64 @@
+"""`rc delay`: how old messages are when they arrive."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from .live import EXIT_STATUS, awaited, reported, topics_of
+from .measuring import add_measured, measure, messages
+
+if TYPE_CHECKING:
+    from ..tools.network import Channel, Network
+    from ..tools.traffic import Traffic
+
+NAME = "delay"
+HELP = "measure how old messages of topics are when they arrive"
+
+_EXAMPLES = f"""\
+examples:
+  rc delay CameraSimplePub               once a second: the median age, and the age that 99 % do not exceed
+  rc delay LaserPub --window 1000        of more messages
+  rc delay LaserPub --for 5 --json       for machines
+
+The age is the time from the publisher's `send` until the message is here, by the clocks of both hosts.
+`(one clock)` says that the publisher is known to be on this host. Otherwise, `rc doctor` compares the clocks.
+
+{EXIT_STATUS}
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    add_measured(to, "the age of messages on arrival", _EXAMPLES)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.access import Access
+    from ..tools.asking import publishers_are_here
+
+    def pick(network: Network) -> tuple[Network, list[Channel]]:
+        return network, topics_of(network, options.topics)
+
+    with reported("rc delay") as code:
+        network, topics = awaited(options, pick)
+        with Access() as access:
+            near = {each.name for each in topics if publishers_are_here(access, network, each)}
+
+        def words(channel: Channel, traffic: Traffic) -> str:
+            ages = traffic.ages()
+            if ages is None:
+                return f"its messages do not tell when they were sent, {messages(traffic)}"
+            said = f"{ages.median * 1e3:.2f} ms, 99 % within {ages.p99 * 1e3:.2f}, {messages(traffic)}"
+            return f"{said} (one clock)" if channel.name in near else said
+
+        def figures(channel: Channel, traffic: Traffic, is_silent: bool) -> Mapping[str, object]:
+            ages = traffic.ages()
+            return {
+                "median_s": ages and ages.median,
+                "p99_s": ages and ages.p99,
+                "one_clock": channel.name in near,
+            }
+
+        return measure(options, topics, words, figures)
+    return code()

@@ -1,0 +1,124 @@
+"""`rc foxglove`: shows a running network, or a recording, in Foxglove."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .common import FINE
+from .completing import What, completed
+from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, positive, reported
+
+if TYPE_CHECKING:
+    from ..tools.foxglove.live import Bridge
+
+NAME = "foxglove"
+HELP = "show a running network, or a recording, in Foxglove"
+
+_EXAMPLES = f"""\
+examples:
+  rc foxglove                        all topics, also those that appear later, until Ctrl-C
+  rc foxglove LaserPub camera        only these
+  rc foxglove --recording run1       a recording, as it was in time
+  rc foxglove --port 9000            at another port than 8765
+
+Open the printed address in Foxglove: Open connection, Foxglove WebSocket. Only programs on this host can connect. It
+needs: pip install 'robocomp-py[foxglove]'
+
+{EXIT_STATUS}
+"""
+
+_LOOK = 0.1
+"""Seconds between two looks for new topics, and at the end."""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Serve topics to Foxglove: each as `rc record` writes it, and beside it pictures, scans, poses and points as "
+        "Foxglove's panels draw them. No publisher waits for this command."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    completed(to.add_argument("topics", nargs="*", metavar="NAME", help=TOPIC), What.TOPIC)
+    about = "a folder of `rc record`, or a file *.mcap, instead of what runs"
+    completed(to.add_argument("--recording", type=Path, metavar="RECORDING", help=about), ".mcap")
+    to.add_argument("--port", type=_port, default=8765, metavar="PORT", help="0: any that is free (default: 8765)")
+    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
+    add_middleware(to)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not int(text) < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port; write a number from 0 to 65535")
+    return int(text)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.foxglove import need_foxglove
+
+    with reported("rc foxglove") as code:
+        need_foxglove()
+        from ..tools.foxglove.live import Bridge
+
+        with Bridge("robocomp", options.port) as bridge:
+            end = time.monotonic() + options.seconds if options.seconds else float("inf")
+            (_show_recording if options.recording else _show_network)(bridge, options, end)
+        return FINE
+    return code()
+
+
+def _show_network(bridge: Bridge, options: argparse.Namespace, end: float) -> None:
+    from ..tools.access import Access
+    from ..tools.census import take_census
+    from ..tools.recording.session import Session
+
+    with Access() as access:
+        census = partial(take_census, options.middleware, own=bool(options.topics))
+        session = Session(bridge, access, census, options.topics, _tell)
+        session.look()
+        _tell_address(bridge)
+        while time.monotonic() < end:
+            session.look()
+            time.sleep(_LOOK)
+
+
+def _show_recording(bridge: Bridge, options: argparse.Namespace, end: float) -> None:
+    """Its topics stay to be looked at until the end, or Ctrl-C, with the last message of each."""
+    from ..tools.recording.layout import Topic
+    from ..tools.recording.reader import Recording, named
+
+    with Recording(options.recording) as recording:
+        chosen = {each for name in options.topics for each in named(recording, name)} or set(recording.topics)
+        tracks = {}
+        for name in sorted(chosen):
+            topic = recording.topics[name]
+            if topic.operation is None or topic.problem:
+                _tell(f"{name}: {topic.problem}")
+                continue
+            tracks[name] = bridge.track(Topic(name, topic.operation, topic.publisher), bytes)
+        if not tracks:
+            raise Absent(f"{options.recording} has no topic that can be shown")
+        _tell_address(bridge)
+        begun = time.monotonic()
+        for message in recording.messages(list(tracks)):
+            due = begun + (message.log_time - recording.start) / 1e9
+            while (now := time.monotonic()) < due and now < end:
+                time.sleep(min(_LOOK, due - now, end - now))
+            if time.monotonic() >= end:
+                return
+            tracks[message.topic.name].put(message.data, message.publish_time, message.sequence)
+        while time.monotonic() < end:
+            time.sleep(min(_LOOK, end - time.monotonic()))
+
+
+def _tell_address(bridge: Bridge) -> None:
+    """Once the topics are advertised: the library refuses a client that subscribes to one within milliseconds."""
+    print(f"rc foxglove: {bridge.address}, until Ctrl-C", flush=True)
+
+
+def _tell(text: str) -> None:
+    print(f"rc foxglove: {text}", file=sys.stderr)

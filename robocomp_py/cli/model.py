@@ -1,0 +1,40 @@
+"""Shared by commands that compare what runs with what a network declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .common import show
+from .network import network
+
+
+def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
+    """The plan of a network that runs, by its file or by its name; else what its file declares. As `Plan.to_json`.
+
+    Raises ConfigurationError and DeploymentError; what is wrong with a file is printed.
+    """
+    from ..deploy.client import network_of, running_plan
+
+    plan = running_plan(network_of(text))
+    return _planned(network(text), include) if plan is None else plan
+
+
+def _planned(path: Path, include: Sequence[Path]) -> Mapping[str, Any]:
+    """What a file declares that does not run."""
+    from ..deploy.auto import usable
+    from ..deploy.hosts.addresses import is_own
+    from ..deploy.plan import Overrides
+    from ..deploy.planner import make_plan
+    from ..dsl.workspace import Workspace
+    from ..errors import ConfigurationError
+
+    if path.suffix != ".ddsl":
+        raise ConfigurationError(f"{path} is no network that runs here; give it a DDSL file")
+    workspace = Workspace(include)
+    plan = make_plan(path, workspace, Overrides(), usable, is_here=is_own)
+    if plan is None:
+        show(workspace.report.diagnostics)
+        raise ConfigurationError(f"{path} is wrong; see above")
+    return plan.to_json()

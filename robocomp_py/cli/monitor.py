@@ -1,0 +1,103 @@
+"""`rc monitor`: a page in the browser that shows what runs, beside what is declared."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from .common import WRONG, add_include
+from .completing import What, completed
+from .live import add_json, add_middleware, positive, reported
+from .model import declared
+
+NAME = "monitor"
+HELP = "show a running network in the browser: components, connections, rates, what is missing"
+
+_EXAMPLES = """\
+examples:
+  rc monitor                   the network that rcdeploy runs here, else all components of this host
+  rc monitor rescue            this one, by its name
+  rc monitor rescue.ddsl       ... by its file; what does not run is red
+  rc monitor --port 8800       at this port, for an SSH tunnel: ssh -L 8800:127.0.0.1:8800 robot
+
+Open the URL that it prints. It is for browsers on this machine, and only for those that know its token. The page only
+shows; nothing can be changed by it. At most 16 pages may be open. Components are asked only while one is.
+End it with Ctrl-C.
+
+exit status: 0 done, 1 the port is taken or the network cannot be read, 2 usage, 130/143 by a signal
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Serve a page that shows components within their hosts, systems and processes, and the topics and calls "
+        "between them with rates, durations and failures. Red: declared and missing. Grey and dotted: not declared. "
+        "Thick: failing, losing messages, or near a deadline."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    about = "a network, by its DDSL file or by its name if it runs"
+    completed(to.add_argument("network", nargs="?", metavar="NET", help=about), What.NETWORK)
+    to.add_argument("--port", type=_port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")
+    to.add_argument(
+        "--every", type=positive, default=1.0, metavar="SECONDS", help="the time between two looks (default: 1)"
+    )
+    add_include(to)
+    add_middleware(to)
+    add_json(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.access import Access
+    from ..tools.census import check_names
+    from ..tools.lookout import Lookout
+    from ..tools.monitor.server import Board, Server
+    from ..tools.monitor.watching import watch
+
+    with reported("rc monitor") as code:
+        check_names(options.middleware)
+        plan = _plan(options)
+        try:
+            board = Board()
+            server = Server(board, options.port)
+        except OSError as exc:
+            print(f"rc monitor: port {options.port}: {exc.strerror}; choose another --port", file=sys.stderr)
+            return WRONG
+        with server, Access() as access:
+            print(json.dumps({"url": server.url}) if options.json else server.url, flush=True)
+            watch(board, Lookout(access, plan, options.middleware, except_pid=os.getpid()).look, options.every)
+    return code()
+
+
+def _plan(options: argparse.Namespace) -> Callable[[], Mapping[str, Any] | None]:
+    """What tells the plan of the network: again with each look, if it runs, since it may be changed meanwhile."""
+    from ..deploy.client import network_of, networks, running_plan
+    from ..errors import ConfigurationError
+
+    name = network_of(options.network) if options.network else ""
+    if not name:
+        running = networks()
+        if len(running) > 1:
+            raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")
+        name = "".join(running)
+    if not name:
+        return lambda: None
+    last = running_plan(name) or declared(options.network or name, options.include)
+
+    def plan() -> Mapping[str, Any]:
+        nonlocal last
+        last = running_plan(name) or last  # a network that has ended is missing
+        return last
+
+    return plan
+
+
+def _port(text: str) -> int:
+    number = int(text) if text.isascii() and text.isdecimal() else -1
+    if not 0 <= number < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; write a number up to 65535")
+    return number

@@ -1,0 +1,195 @@
+"""`rc record`: what is published, into files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE
+from .completing import What, completed
+from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported
+
+if TYPE_CHECKING:
+    from ..tools.recording.session import Session
+    from ..tools.recording.writer import Recorder
+
+NAME = "record"
+HELP = "record what is published into MCAP files"
+
+_EXAMPLES = f"""\
+examples:
+  rc record                                all topics, also those that appear later, until Ctrl-C
+  rc record LaserPub world -o run1         only these, into the folder run1
+  rc record --split 1GB --keep 10          a ring: files of 1 GB, of which the last ten are kept
+  rc record --compress lz4 --for 60        smaller files; for one minute
+  rc record --schema omgidl                with the names of the IDSL, for Foxglove
+
+The folder is a ROS 2 bag: ROS 2, Foxglove, PlotJuggler and rosbags open it. No publisher waits for this command. What a
+slow disk cannot take in time is lost, and counted at the end. `rc bag mend` makes an interrupted recording readable.
+
+{EXIT_STATUS}
+"""
+
+_LOOK = 0.1
+"""Seconds between two looks at the recording."""
+
+_UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = "Record topics into a folder with MCAP files, until Ctrl-C."
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    completed(to.add_argument("topics", nargs="*", metavar="NAME", help=TOPIC), What.TOPIC)
+    to.add_argument("-o", dest="folder", type=Path, metavar="FOLDER", help="a new folder (default: recording-TIME)")
+    to.add_argument(
+        "--for",
+        dest="seconds",
+        type=positive,
+        metavar="SECONDS",
+        help="end after this time, counted from the first topic",
+    )
+    add_splitting(to)
+    add_compress(to)
+    to.add_argument("--schema", choices=("ros2msg", "omgidl"), default="ros2msg", help="default: ros2msg")
+    add_waiting(to)
+    add_middleware(to)
+    add_json(to)
+
+
+def add_splitting(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--split", type=split, metavar="SIZE|TIME", help="begin a further file: 500MB, 1GB, 60s, 10min, 1h")
+    to.add_argument("--keep", type=count, metavar="COUNT", help="keep only the last files; needs --split")
+
+
+def add_compress(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--compress", choices=("none", "lz4", "zstd"), default="none", help="default: none")
+
+
+def split(text: str) -> tuple[int | None, float | None]:
+    """Octets or seconds after which a further file begins."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)(kB|MB|GB|s|min|h)", text)
+    if not found or not float(found[1]):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a size nor a time; write it as 500MB, 1GB, 60s or 10min")
+    amount = float(found[1]) * _UNITS[found[2]]
+    return (int(amount), None) if found[2].endswith("B") else (None, amount)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..errors import ConfigurationError
+    from ..tools.access import Access
+    from ..tools.census import take_census
+    from ..tools.recording.bag import Options
+    from ..tools.recording.session import Session
+    from ..tools.recording.writer import Recorder
+
+    with reported("rc record") as code:
+        if options.keep and not options.split:
+            raise ConfigurationError("--keep needs --split, as in `--split 1GB --keep 10`")
+        octets, seconds = options.split or (None, None)
+        how = Options(options.compress, options.schema, octets, seconds, options.keep)
+        folder = options.folder or Path(time.strftime("recording-%Y-%m-%d-%H-%M-%S"))
+        begun = time.monotonic()
+        with Recorder(folder, how) as recorder:
+            session: Session | None = None
+            try:
+                with Access() as access:
+                    census = partial(take_census, options.middleware, own=bool(options.topics))
+                    session = Session(recorder, access, census, options.topics, _tell)
+                    _record(session, recorder, options, begun)
+            finally:
+                recorder.close()
+                if session:
+                    _sum_up(session, recorder, time.monotonic() - begun, as_json=options.json)
+        if recorder.error:
+            raise recorder.error
+        return FINE
+    return code()
+
+
+def _record(session: Session, recorder: Recorder, options: argparse.Namespace, begun: float) -> None:
+    shown, end = begun, None
+    while not recorder.error:
+        now = time.monotonic()
+        if end and now >= end:
+            break
+        session.look()
+        if session.followed and options.seconds and end is None:
+            end = time.monotonic() + options.seconds
+        if not session.followed and now - begun >= options.timeout:
+            what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
+            raise Absent(f"nothing publishes {what}; `rc list --topics` shows all topics")
+        if now - shown >= 1 and sys.stderr.isatty():
+            shown = now
+            _show(session, recorder, now - begun)
+        time.sleep(_LOOK)
+
+
+def _tell(text: str) -> None:
+    print(f"{_CLEARED}rc record: {text}", file=sys.stderr)
+
+
+_CLEARED = "\r\x1b[K" if sys.stderr.isatty() else ""
+"""Clears the line that shows the progress."""
+
+
+def _show(session: Session, recorder: Recorder, seconds: float) -> None:
+    lost = sum(each.lost + each.track.dropped for each in session.followed)
+    messages = sum(each.track.received for each in session.followed)
+    told = f"{seconds:.0f} s, {_topics(len(session.followed))}, {messages} messages, {size(recorder.octets)}"
+    waiting = f", {size(recorder.waiting)} wait" if recorder.waiting > 1e6 else ""
+    print(f"\r\x1b[K{told}{waiting}{f', {lost} lost' if lost else ''}", end="", file=sys.stderr, flush=True)
+
+
+def _sum_up(session: Session, recorder: Recorder, seconds: float, *, as_json: bool) -> None:
+    topics = []
+    for each in sorted(session.followed, key=lambda each: each.channel.name):
+        track = each.track
+        topics.append(
+            {
+                "channel": each.channel.name,
+                "messages": track.written,
+                "lost": each.lost,
+                "dropped": track.dropped,
+                "unreadable": each.unreadable,
+            }
+        )
+    if as_json:
+        told = {"folder": str(recorder.folder), "seconds": seconds, "octets": recorder.octets, "topics": topics}
+        print(json.dumps(told), flush=True)
+        return
+    messages = sum(each.track.written for each in session.followed)
+    print(
+        f"{_CLEARED}{recorder.folder}: {messages} messages of {_topics(len(topics))}, {size(recorder.octets)}, "
+        f"{seconds:.1f} s",
+        flush=True,
+    )
+    for told in topics:
+        print(f"  {told['channel']}: {told['messages']} messages{_losses(told)}", flush=True)
+
+
+def _topics(number: int) -> str:
+    return f"{number} topic{'s' if number != 1 else ''}"
+
+
+def _losses(told: dict[str, Any]) -> str:
+    parts = {
+        "lost": "lost on their way",
+        "dropped": "dropped here, because the disk was too slow or full",
+        "unreadable": "not understood",
+    }
+    found = [f"{told[name]} {what}" for name, what in parts.items() if told[name]]
+    return f"; {', '.join(found)}" if found else ""
+
+
+def size(octets: float) -> str:
+    for unit in ("GB", "MB", "kB"):
+        if octets >= _UNITS[unit]:
+            return f"{octets / _UNITS[unit]:.1f} {unit}"
+    return f"{octets:.0f} B"

@@ -1,0 +1,84 @@
+"""`rc sim`: components that simulate a scene."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from functools import partial
+from pathlib import Path
+
+from ..errors import RobocompError
+from . import starting
+from .common import FINE, complain
+
+NAME = "sim"
+HELP = "simulate a scene of InnerModel as a component"
+
+_EXAMPLES = """\
+examples:
+  rc sim new house.xml -o house      a component that provides every robot and sensor of the scene
+  rc sim offers house.xml            the lines of the network that declare them
+
+Simulating needs `pip install 'robocomp-py[sim]'`; these commands do not.
+
+exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = "Write a component that simulates a scene, and what a network has to declare of it."
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
+    new = actions.add_parser("new", help="write a component", description="Write a component that simulates a scene.")
+    new.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it stays where it is")
+    new.add_argument("-o", "--output", type=Path, metavar="DIR", help="the folder, whose name is that of the component")
+    new.add_argument("--middleware", metavar="NAME", help="what carries its messages (default: auto)")
+    shown = actions.add_parser(
+        "offers", help="print what a network declares", description="Print the devices of a scene as clauses of DDSL."
+    )
+    shown.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene")
+    shown.add_argument("--json", action="store_true", help="print one object: interfaces by device")
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..innermodel.read import InnerModelError
+    from ..innermodel.tree import Tree
+    from ..sim.serve.offers import offers
+
+    try:
+        found = offers(Tree.read(options.scene))
+    except InnerModelError as exc:
+        return complain(f"rc sim: {exc}")
+    if not found:
+        return complain(f"rc sim: {options.scene} has no device that can be provided: no base, and no laser")
+    if options.action == "offers":
+        lines = [f"offers {name} : {', '.join(interfaces)};" for name, interfaces in found.items()]
+        print(json.dumps(found) if options.json else "\n".join(lines))
+        return FINE
+    return _new(options, found)
+
+
+def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:
+    from ..codegen.generate import scene_models, scene_specifics
+    from ..contract.middleware import AUTO
+    from ..sim.serve.offers import used
+
+    root: Path = options.output or Path(options.scene.stem)
+    name = root.resolve().name
+    scene = os.path.relpath(options.scene.resolve(), root.resolve())
+    try:
+        wrong = starting.unfit(name, root) or starting.begin(
+            root,
+            f"{name.lower()}.cdsl",
+            scene_models(name.lower(), scene, used(found)),
+            partial(scene_specifics, scene=scene),
+            options.middleware or AUTO,
+        )
+    except RobocompError as exc:
+        return complain(f"rc sim: {exc}")
+    if wrong:
+        return complain(f"rc sim: {wrong}")
+    print(f"{root}/ simulates {options.scene}:\n\n    rc run {root}\n")
+    return FINE

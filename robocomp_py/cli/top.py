@@ -1,0 +1,198 @@
+"""`rc top`: what components and their operations do now."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE, WRONG
+from .completing import What, completed
+from .live import COMPONENT, EXIT_STATUS, Absent, add_json, add_middleware, components_named, positive, reported
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from ..runtime.RoboCompIntrospection import Description, Measures
+    from ..tools.access import Access
+    from ..tools.measure import Load, Operation
+
+NAME = "top"
+HELP = "show processor, memory, rates and durations of running components, again and again"
+
+_EXAMPLES = f"""\
+examples:
+  rc top                     all components on this host, once a second, until Ctrl-C
+  rc top world wander        only these, each with its operations
+  rc top --once              one table and no more: averages since each component was started
+  rc top --once --json       the same for machines: one component a line, with all its operations
+
+Durations are those of the latest 256 messages or calls: for a client the round trip, for a server or a subscriber the
+run of its handler, for a publisher the time in `send`. `wait` is the longest time before a handler ran.
+Components that share a process show the processor and the memory of all of them.
+
+{EXIT_STATUS}
+"""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Show what components do: processor, memory, calls of compute, messages a second, durations, failures, losses. "
+        "They answer this themselves, so that a component of RoboComp or of another language is not shown."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    completed(to.add_argument("components", nargs="*", metavar="COMPONENT", help=COMPONENT), What.COMPONENT)
+    to.add_argument("--once", action="store_true", help="print one table and end")
+    to.add_argument("--all", action="store_true", help="also operations that nothing uses")
+    to.add_argument(
+        "--every", type=positive, default=1.0, metavar="SECONDS", help="the time between two looks (default: 1)"
+    )
+    to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
+    add_middleware(to)
+    add_json(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.access import Access
+
+    with reported("rc top") as code, Access() as access:
+        looks = _looks(access, options)
+        if options.once or options.json or not sys.stdout.isatty():
+            for found in looks:
+                _print(found, options)
+            return FINE
+        return _live(looks, options)
+    return code()
+
+
+def _looks(access: Access, options: argparse.Namespace) -> Iterator[list[Load]]:
+    """What there is, one look after the other. Raises Absent if nothing tells at the first."""
+    from ..tools import asking
+    from ..tools.census import take_census
+    from ..tools.measure import load
+
+    abouts: dict[str, Description | None] = {}
+    before: dict[str, Measures] = {}
+    begun, number = time.monotonic(), 0
+    while True:
+        network = take_census(options.middleware)
+        names = components_named(asking.components(network), options.components)
+        now = asking.measure_all(access, network, names, min(asking.DEADLINE, max(options.every, 0.2)))
+        for name in now:
+            if name not in before or now[name].awake < before[name].awake:
+                abouts[name] = asking.describe(access, network, name)
+        if not now and not number:
+            raise Absent("no component here tells what it does; `rc list` shows what runs")
+        yield [load(name, told, before.get(name), abouts[name]) for name, told in sorted(now.items())]
+        before, number = now, number + 1
+        if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
+            return
+        time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
+
+
+def _print(found: Sequence[Load], options: argparse.Namespace) -> None:
+    if options.json:
+        for each in found:
+            print(json.dumps(_plain(asdict(each))), flush=True)
+    else:
+        print("\n".join(line.plain.rstrip() for line in lines(found, options)), flush=True)
+
+
+def _live(looks: Iterator[list[Load]], options: argparse.Namespace) -> int:
+    from rich.console import Console, Group
+    from rich.live import Live
+
+    console = Console(highlight=False)
+    found: list[Load] = []
+    with Live(console=console, auto_refresh=False, screen=False, transient=True) as live:
+        for found in looks:
+            live.update(Group(*lines(found, options)[: max(1, console.height - 1)]), refresh=True)
+    for line in lines(found, options):
+        console.print(line, soft_wrap=True)
+    return FINE if found else WRONG
+
+
+def lines(found: Sequence[Load], options: argparse.Namespace) -> list[Text]:
+    """The table of components, then that of operations."""
+    shown = [(each, one) for each in found for one in each.operations if options.all or not one.is_quiet]
+    table = _table(_COMPONENTS, [(_component(each), _is_bad(each)) for each in found])
+    if shown:
+        table += _table(_OPERATIONS, [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown])
+    return table
+
+
+_COMPONENTS = (
+    *("component", "state", "process", "cpu %", "MB", "compute/s", "msg/s"),
+    *("failed", "lost", "queue", "suspended", "overruns"),
+)
+_OPERATIONS = ("operation", "over", "per s", "p50 ms", "p99 ms", "max ms", "wait ms", "failed", "lost", "refused")
+
+
+def _component(each: Load) -> tuple[str, ...]:
+    return (
+        each.component,
+        each.state,
+        str(each.pid or ""),
+        _number(each.processor * 100),
+        _number(each.memory / 1e6) if each.memory else "",
+        _number(each.computes),
+        _number(each.calls),
+        *(str(number or "") for number in (each.failed, each.lost, each.queued, each.suspended, each.overruns)),
+    )
+
+
+def _operation(component: Load, each: Operation) -> tuple[str, ...]:
+    from ..tools.measure import milliseconds
+
+    who = "→" if each.verb in ("requires", "publishes") else "←"
+    return (
+        f"{component.component} {who} {each.channel}",
+        each.middleware,
+        _number(each.rate),
+        *map(milliseconds, (each.p50, each.p99, each.longest, each.waited)),
+        *(str(number or "") for number in (each.failed, each.lost, each.refused)),
+    )
+
+
+def _is_bad(each: Load) -> bool:
+    return bool(each.failed or each.lost or each.state == "emergency")
+
+
+def _table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], bool]]) -> list[Text]:
+    from rich.text import Text
+
+    widths = [max(map(len, cells)) for cells in zip(heads, *(cells for cells, _ in rows), strict=True)]
+    left = 2 if heads is _COMPONENTS else 1
+
+    def line(cells: Sequence[str], style: str) -> Text:
+        filled = (
+            f"{cell:<{width}}" if number < left or heads[number] == "over" else f"{cell:>{width}}"
+            for number, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        )
+        return Text("  ".join(filled), style=style, no_wrap=True, overflow="crop")
+
+    return [line(heads, "dim"), *(line(cells, "red" if bad else "") for cells, bad in rows)]
+
+
+def _number(value: float) -> str:
+    if math.isnan(value):
+        return ""
+    return f"{value:.1f}" if 0 < value < 10 else f"{value:.0f}"
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN."""
+    match value:
+        case dict():
+            return {key: _plain(each) for key, each in value.items()}
+        case list() | tuple():
+            return [_plain(each) for each in value]
+        case float() if not math.isfinite(value):
+            return None
+    return value

@@ -1,0 +1,95 @@
+"""The connection of a script to a running network."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Self
+
+from ..errors import ConfigurationError, DeploymentError
+from ..spelling import closest
+from .operations import Topic
+from .session import NotThere, Session
+from .tree import Branch
+
+_LOOK = 0.1
+"""Seconds between two looks at what is awaited."""
+
+
+def connect(network: str = "", *, middleware: str | Sequence[str] = (), timeout: float = 5.0) -> Connection:
+    """Take part in a network that runs on this host; without its name, in all that runs here.
+
+    `network` is the name that its DDSL file gives it, or `rcdeploy status` shows. `middleware` restricts the
+    connection to some middlewares. `timeout` is how many seconds this function waits for the network, and each call
+    for its answer.
+
+    Raises ConfigurationError if a middleware cannot be used, and NotThere if no such network runs in time.
+    """
+    middlewares = (middleware,) if isinstance(middleware, str) else tuple(middleware)
+    if not timeout > 0:
+        raise ConfigurationError(f"timeout={timeout!r} must be a positive number of seconds")
+    session = Session(network, middlewares, timeout)
+    end = time.monotonic() + timeout
+    while not session.census().channels:
+        if time.monotonic() > end:
+            session.close()
+            raise _nothing(network)
+        time.sleep(_LOOK)
+    return Connection(session)
+
+
+class Connection(Branch):
+    """A running network. Its components are its attributes, and items: `net.world`, `net["world"]`.
+
+    It may be used from several threads. Close it, use it as a context manager, or leave it: it closes itself when the
+    program ends.
+    """
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(session, ())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __getitem__(self, name: str) -> Any:
+        try:
+            return super().__getitem__(name)
+        except NotThere:
+            topic = self._session.topic(name) if name.strip("/").count("/") >= 2 else None
+            if topic is None:
+                raise
+            return self._session.kept(topic.name, lambda: Topic(self._session, topic))
+
+    def close(self) -> None:
+        """Cancel goals that are not detached, and close all links. Idempotent, from any thread."""
+        self._session.close()
+
+    def wait(self, name: str, timeout: float | None = None) -> Any:
+        """What has this name, such as `world/LaserPub`, as soon as it is there. Raises NotThere after `timeout`."""
+        end = time.monotonic() + (self._session.timeout if timeout is None else timeout)
+        while True:
+            try:
+                return self[name]
+            except NotThere:
+                if time.monotonic() > end:
+                    raise
+            time.sleep(_LOOK)
+
+
+def _nothing(network: str) -> NotThere:
+    if not network:
+        return NotThere("no component runs on this host, or none that others can see; start a network with rcdeploy up")
+    from ..deploy.client import networks
+
+    try:
+        running = networks()
+    except DeploymentError:
+        running = []
+    if network in running:
+        return NotThere(f"network `{network}` runs, and none of its components is ready: rcdeploy status {network}")
+    near = closest(network, running)
+    hint = f"did you mean `{near}`?" if near else f"there is {', '.join(running) or 'none'}"
+    return NotThere(f"no network `{network}` runs on this host; {hint}")

@@ -1,0 +1,168 @@
+"""What all objects of a connection share: what runs, and the links to it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+from ..errors import Closed, RobocompError
+from ..spelling import closest
+from ..threads import NO_THREAD, start_thread
+from ..tools.census import take_census
+from ..tools.network import Channel, Network
+from ..transports.base import Transport, TransportConfig, find_transport
+from ..transports.leader_followers import abandoned
+from .values import Types
+
+T = TypeVar("T")
+
+OWNER = "script"
+"""How others see a script."""
+
+_LOOK = 0.1
+"""Seconds between two looks at whether the program has ended."""
+
+
+class NotThere(RobocompError, AttributeError, KeyError):
+    """Nothing of this name runs now; the text has the closest name."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # a KeyError would show it in quotes
+
+
+class Session:
+    """What all objects of one connection share."""
+
+    def __init__(self, network: str, middlewares: Sequence[str], timeout: float, owner: str = OWNER) -> None:
+        self.network, self._middlewares = network, tuple(middlewares)
+        self.timeout, self._owner = timeout, owner
+        self.types = Types()
+        self._lock = threading.RLock()
+        self._transports: dict[str, Transport] = {}
+        self._kept: dict[str, Any] = {}
+        self._end = contextlib.ExitStack()
+        self._ended = threading.Event()
+        self._process = os.getpid()
+        self._closer: _Closer | None = None
+        self._known = Network([])
+
+    def close(self) -> None:
+        self._ended.set()
+        if os.getpid() != self._process:
+            return  # a child of a fork has none of the threads
+        with self._lock:
+            self._end.close()
+            self._transports.clear()
+            self._kept.clear()
+        if self._closer and self._closer is not threading.current_thread():
+            self._closer.join()
+
+    @property
+    def is_closed(self) -> bool:
+        return self._ended.is_set()
+
+    def census(self) -> Network:
+        """What runs now. Raises Closed, ConfigurationError and TransportErrors."""
+        self.check_open()
+        every = take_census(self._middlewares, own=True)
+        known = _only(every, _instances(self.network)) if self.network else every
+        with self._lock:
+            self._known = known
+        return known
+
+    def topic(self, name: str) -> Channel | None:
+        """A topic by its whole name that nothing publishes so far, if a subscriber hears it."""
+        self.check_open()
+        try:
+            return take_census(self._middlewares).topic(name)
+        except ValueError:
+            return None
+
+    def looked_up(self, find: Callable[[Network], T | None]) -> T | None:
+        """What is found in the network as it was known, or else as it is now."""
+        self.check_open()
+        found = find(self._known)
+        return find(self.census()) if found is None else found
+
+    def missing(self, path: Sequence[str], name: str, children: Sequence[str]) -> NotThere:
+        """The error for a name that is not there."""
+        where = "/".join(path) or self.network or "what runs on this host"
+        near = closest(name, children)
+        hint = f"did you mean `{near}`?" if near else f"there is {', '.join(children[:12]) or 'nothing'}"
+        return NotThere(f"`{name}` is not in {where}; {hint}")
+
+    def check_open(self) -> None:
+        if self._ended.is_set():
+            raise Closed("the connection is closed; connect again")
+        if os.getpid() != self._process:
+            raise Closed("this process is a fork of the one that has connected; connect here, too")
+
+    def kept(self, name: str, make: Callable[[], T]) -> T:
+        """What is kept under a name, made when it is first needed."""
+        with self._lock:
+            if name not in self._kept:
+                self._kept[name] = make()
+            made_: T = self._kept[name]
+            return made_
+
+    def opened(self, open_it: Callable[[], T], close: Callable[[T], object]) -> T:
+        """Something that is closed with this connection."""
+        with self._lock:
+            self.check_open()
+            made = open_it()
+            self._end.callback(close, made)
+            return made
+
+    def transport(self, channel: Channel) -> Transport:
+        """The transport over which a channel is reached."""
+        middleware = channel.middlewares[0]
+        with self._lock:
+            self.check_open()
+            if middleware not in self._transports:
+                self._watch()
+                self._transports[middleware] = self.opened(
+                    lambda: find_transport(middleware)(TransportConfig(owner=self._owner)), lambda made: made.close()
+                )
+            return self._transports[middleware]
+
+    def _watch(self) -> None:
+        if self._closer is None:
+            self._closer = _Closer(self)
+            if not start_thread(self._closer):
+                self._closer = None
+                raise RobocompError(f"connect: {NO_THREAD}")
+
+
+class _Closer(threading.Thread):
+    """Closes a connection when the program ends: an interpreter waits for the threads of transports before that."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(name="connection")
+        self._session = session
+
+    def run(self) -> None:
+        while not self._session._ended.wait(_LOOK):
+            if abandoned(_Closer):
+                self._session.close()
+
+
+def _instances(network: str) -> frozenset[str]:
+    """The instances of a network that runs on this host; empty if it does not run."""
+    from ..deploy.client import running_plan
+
+    plan = running_plan(network) or {}
+    return frozenset(each for process in plan.get("processes", ()) for each in process.get("instances", ()))
+
+
+def _only(network: Network, instances: frozenset[str]) -> Network:
+    """The channels of these instances, and of named instances that they stand for."""
+    kept = Network([])
+    short = {each.rpartition("/")[2] for each in instances}
+    for name, channel in network.channels.items():
+        instance = "/".join(name.split("/")[:-2])
+        if instance in instances or any(end.told.owner.strip("/") in instances | short for end in channel.providers):
+            kept.channels[name] = channel
+    return kept

@@ -1,0 +1,1 @@
+"""InnerModel files as one of the languages: what is wrong with them, as diagnostics."""

@@ -1,0 +1,59 @@
+"""The problems of an InnerModel file, and of those that it includes, as diagnostics."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ...innermodel.read import Document, Place, Problem, ReadFile, read
+from ..diagnostics import Diagnostic, Report, Severity
+from ..source import Source, Span
+
+ENDING = ".xml"
+
+_START = re.compile(rb"<innermodel[\s>]", re.IGNORECASE)
+_START_AT_MOST = 4096
+"""Octets of a file before its root, for comments and declarations."""
+
+
+def is_innermodel(path: Path) -> bool:
+    """Whether an XML file is an InnerModel; other XML is not ours. A file that cannot be read is none."""
+    try:
+        with path.open("rb") as file:
+            return path.suffix.lower() == ENDING and bool(_START.search(file.read(_START_AT_MOST)))
+    except OSError:
+        return False
+
+
+def check(path: Path, reading: ReadFile, report: Report) -> None:
+    """Report what is wrong with a file and with those that it includes."""
+    model = read(path, reading=reading)
+    sources = {each.path: _Places(each) for each in model.documents}
+    report.extend(_diagnostic(each, sources) for each in model.problems)
+
+
+class _Places:
+    """Turns places in bytes into those in a text."""
+
+    def __init__(self, document: Document) -> None:
+        self._data, self._encoding = document.data, document.encoding
+        self.source = Source(document.path, self._text(len(document.data)))
+
+    def span(self, place: Place) -> Span:
+        start = len(self._text(place.start))
+        text = self._data[place.start : place.end].decode(self._encoding, "replace")
+        return self.source.span(start, start + len(text))
+
+    def _text(self, end: int) -> str:
+        return self._data[:end].decode(self._encoding, "replace")
+
+
+def _diagnostic(problem: Problem, sources: dict[Path, _Places]) -> Diagnostic:
+    severity = Severity.ERROR if problem.is_error else Severity.WARNING
+    related = tuple((text, _span(place, sources)) for text, place in problem.related)
+    return Diagnostic(problem.code, problem.message, _span(problem.place, sources), severity, problem.hint, related)
+
+
+def _span(place: Place, sources: dict[Path, _Places]) -> Span:
+    known = sources.get(place.path)
+    return known.span(place) if known else Source(place.path, "", has_places=False).span(0, 0)

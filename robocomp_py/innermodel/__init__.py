@@ -1,0 +1,1 @@
+"""InnerModel: a tree of frames, bodies, robots and sensors, read from XML. Needs numpy only."""

@@ -1,0 +1,82 @@
+"""The contracts of `Introspection`, by operation. Made by `make golden`: edits are lost."""
+
+TEXTS = {
+    "describe": """\
+operation RoboCompIntrospection::Introspection.describe
+pattern unspecified
+struct RoboCompIntrospection::IntrospectionDescribeRequest
+struct RoboCompIntrospection::IntrospectionDescribeResponse
+  ret RoboCompIntrospection::Description
+struct RoboCompIntrospection::Comment
+  about string
+  text string
+struct RoboCompIntrospection::End
+  port string
+  verb string
+  operation string
+  channel string
+  middleware string
+  pattern string
+  definition string
+  qos string
+  deadline float64
+  idempotent bool
+  confirm bool
+  comments sequence<RoboCompIntrospection::Comment>
+struct RoboCompIntrospection::Setting
+  name string
+  type string
+  value string
+  initial string
+  minimum string
+  maximum string
+  choices sequence<string>
+  comment string
+  editable bool
+struct RoboCompIntrospection::Description
+  instance string
+  component string
+  host string
+  pid int32
+  version string
+  started time
+  clock string
+  ends sequence<RoboCompIntrospection::End>
+  settings sequence<RoboCompIntrospection::Setting>""",
+    "measure": """\
+operation RoboCompIntrospection::Introspection.measure
+pattern unspecified
+struct RoboCompIntrospection::IntrospectionMeasureRequest
+struct RoboCompIntrospection::IntrospectionMeasureResponse
+  ret RoboCompIntrospection::Measures
+struct RoboCompIntrospection::Measure
+  port string
+  verb string
+  operation string
+  channel string
+  middleware string
+  count int64
+  failed int64
+  latest sequence<float32>
+  waited sequence<float32>
+  received int64
+  malformed int64
+  mismatched int64
+  expired int64
+  repeated int64
+  lost int64
+  dropped int64
+struct RoboCompIntrospection::Measures
+  at time
+  awake float64
+  state string
+  period float64
+  computes int64
+  overruns int64
+  queued int32
+  suspended int32
+  revision int64
+  processor float64
+  memory int64
+  operations sequence<RoboCompIntrospection::Measure>""",
+}

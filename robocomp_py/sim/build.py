@@ -1,0 +1,337 @@
+"""A tree of InnerModel as a model of MuJoCo.
+
+What moves becomes a body: joints, bases, and transforms whose engine is `bullet`, which move freely. All else is part
+of the nearest body above it, since a body costs time in each step. `Scene` tells where every node is: in which body,
+and at which pose within it. Lengths are m here, and axes those of the simulator; see `innermodel.axes`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..innermodel import axes
+from ..innermodel.axes import Array
+from ..innermodel.boxes import extents
+from ..innermodel.mesh import read_mesh
+from ..innermodel.read import ROOT_ID, InnerModelError, Value
+from ..innermodel.tree import Node, Tree
+
+BASES = ("differentialrobot", "omnirobot")
+JOINTS = ("joint", "prismaticjoint")
+
+_LINK_MASS = 0.5
+"""Of a moving body whose mass the file does not tell, kg."""
+_LEAST_EXTENT = 0.02
+"""Of the box from which the inertia of a body is computed, m."""
+_UNIT = {"x": np.array((1.0, 0.0, 0.0)), "y": np.array((0.0, 1.0, 0.0)), "z": np.array((0.0, 0.0, 1.0))}
+_PREFIX = "."
+"""In front of names in MuJoCo, which reserves `world`; nearly every file has a node of that name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Where a node is."""
+
+    body: int
+    """The number of the body that it is part of."""
+    rotation: Array
+    """Within the body, shape (3, 3)."""
+    position: Array
+    """Within the body, shape (3,), m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A robot that drives: where its pose in its parent is, in the vector of positions."""
+
+    name: str
+    x: int
+    z: int
+    turn: int
+    is_omni: bool
+    collides: bool
+    noise: float
+    shapes: NDArray[np.bool_]
+    """Which geoms are part of it, shape (number of geoms,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint: where its position is, in rad or m, in the vector of positions."""
+
+    name: str
+    place: int
+    slides: bool
+    offset: float
+    """What is added to the position of a joint that slides, m."""
+    low: float
+    """rad or mm."""
+    high: float
+    home: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The model, and where everything of the tree is in it."""
+
+    model: mujoco.MjModel
+    frames: Mapping[str, Frame]
+    bases: Mapping[str, Base]
+    joints: Mapping[str, Joint]
+    start: Array
+    """The vector of positions as the file has them."""
+    shapes: tuple[str, ...]
+    """The nodes of the geoms, by the numbers of the geoms."""
+    stops: NDArray[np.bool_]
+    """Which geoms stop a base while physics is off, and belong to what is stopped; shape (number of geoms,)."""
+
+
+@dataclass(slots=True)
+class _Building:
+    tree: Tree
+    spec: mujoco.MjSpec
+    frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    """The name of the body in MuJoCo, and the pose within it in mm and our axes."""
+    bases: list[str] = field(default_factory=list)
+    joints: list[str] = field(default_factory=list)
+    without_meshes: bool = False
+    meshes: dict[tuple[Path, tuple[float, ...]], tuple[str, Array]] = field(default_factory=dict)
+    """By file and scale: the name in MuJoCo, and the corners of the box around it."""
+    boxes: dict[str, list[Array]] = field(default_factory=dict)
+    """Corners of the shapes of each body, m, for its inertia."""
+
+
+def build(tree: Tree, tick: float, *, without_meshes: bool = False) -> Scene:
+    """Make the model of a tree; `tick` is the length of a step in s.
+
+    Raises InnerModelError for a mesh that cannot be read. With `without_meshes`, those whose file is not there are
+    left out.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.timestep = tick
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.compiler.autolimits = False
+    building = _Building(tree, spec, without_meshes=without_meshes)
+    world = spec.worldbody
+    building.frames[ROOT_ID] = ("world", np.eye(4))
+    for child in tree.node(ROOT_ID).children:
+        _place(building, child, world, np.eye(4))
+    for body in spec.bodies:
+        if body.name != "world":
+            _weigh(body, building.boxes.get(body.name, []))
+    return _compiled(building)
+
+
+def _place(building: _Building, name: str, body: mujoco.MjsBody, within: Array) -> None:
+    """Add a node with all below it. `within` is the pose of its parent in `body`, in mm and our axes."""
+    node = building.tree.node(name)
+    if node.tag in JOINTS:
+        body, within = _add_joint(building, node, body, within), np.eye(4)
+    elif node.tag in BASES:
+        body, within = _add_base(building, node, body, within)
+    elif node.values.get("engine") == "bullet":
+        body, within = _add_free(building, node), np.eye(4)
+    else:
+        within = within @ building.tree.matrix(node.parent, name)
+    building.frames[name] = (body.name, within)
+    if node.tag in ("plane", "display"):
+        _add_box(building, node, body, within)
+    elif node.tag == "mesh":
+        _add_mesh(building, node, body, within)
+    for child in node.children:
+        _place(building, child, body, within)
+
+
+def _add_body(parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
+    position, turn = _in_simulation(pose)
+    return parent.add_body(name=_PREFIX + name, pos=position, quat=_quaternion(turn), gravcomp=1.0)
+
+
+def _add_joint(building: _Building, node: Node, parent: mujoco.MjsBody, within: Array) -> mujoco.MjsBody:
+    building.joints.append(node.id)
+    axis = _UNIT[str(node.values["axis"])]
+    if node.tag == "joint":
+        offset = axes.pose(_three(node, "t"), axes.rotation(*_three(node, "r")))
+        body = _add_body(parent, node.id, within @ offset)
+        body.add_joint(
+            name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(axis), armature=0.01
+        )
+    else:
+        body = _add_body(parent, node.id, within)
+        body.add_joint(
+            name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axes.TO_SIMULATION @ axis, armature=0.01
+        )
+    return body
+
+
+def _add_base(building: _Building, node: Node, parent: mujoco.MjsBody, within: Array) -> tuple[mujoco.MjsBody, Array]:
+    """A base slides along x and z of its parent, and turns about y after the turn `rx` that its tag has."""
+    building.bases.append(node.id)
+    _, height, _ = _three(node, "t")
+    tilt, _, roll = _three(node, "r")
+    tilted = axes.rotation(tilt, 0.0, 0.0)
+    body = _add_body(parent, node.id, within @ axes.pose((0.0, height, 0.0), tilted))
+    for axis in "xz":
+        along = axes.TO_SIMULATION @ tilted.T @ _UNIT[axis]
+        body.add_joint(name=f"{_PREFIX}{node.id}.{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=along)
+    body.add_joint(
+        name=f"{_PREFIX}{node.id}.turn", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(_UNIT["y"])
+    )
+    return body, axes.pose((0.0, 0.0, 0.0), axes.rotation(0.0, 0.0, roll))
+
+
+def _add_free(building: _Building, node: Node) -> mujoco.MjsBody:
+    """Free joints are allowed at the top only: the body has its pose in the world, and the tree keeps its parent."""
+    body = _add_body(building.spec.worldbody, node.id, building.tree.matrix(ROOT_ID, node.id))
+    body.gravcomp = 0.0
+    body.mass = _number(node.values.get("mass", 0.0))
+    body.add_freejoint(name=_PREFIX + node.id)
+    return body
+
+
+def _add_box(building: _Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
+    width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
+    position, turn = _in_simulation(within)
+    half = np.maximum((depth, width, height), 1e-6)
+    body.add_geom(
+        name=_PREFIX + node.id,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=half,
+        pos=position,
+        quat=_quaternion(turn),
+        rgba=_colour(node),
+    )
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
+
+
+def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
+    path, scale = building.tree.file(node.id), _numbers(node.values["scale"])
+    if path is None:
+        if building.without_meshes:
+            return
+        raise InnerModelError(f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave it out")
+    if (path, scale) not in building.meshes:
+        building.meshes[path, scale] = _made_mesh(building, path, scale)
+    mesh, corners = building.meshes[path, scale]
+    position, turn = _in_simulation(within)
+    body.add_geom(
+        name=_PREFIX + node.id,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=mesh,
+        pos=position,
+        quat=_quaternion(turn),
+    )
+    building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
+
+
+def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tuple[str, Array]:
+    """The name of a mesh, and the corners of the box around it."""
+    mesh = read_mesh(path, scale)
+    points = axes.position_to_simulation(mesh.vertices)
+    name = f"mesh{len(building.meshes)}"
+    made = building.spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    made.uservert, made.userface = points.ravel(), mesh.faces.ravel()
+    return name, np.array(list(itertools.product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
+
+
+def _weigh(body: mujoco.MjsBody, boxes: list[Array]) -> None:
+    """Give a body the inertia of the box around its shapes: MuJoCo wants one of each body that moves."""
+    body.mass = body.mass or _LINK_MASS
+    corners = np.concatenate(boxes) if boxes else np.zeros((1, 3))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x, y, z = np.maximum(high - low, _LEAST_EXTENT) ** 2
+    body.ipos, body.inertia = (low + high) / 2, body.mass / 12 * np.array((y + z, x + z, x + y))
+    body.explicitinertial = True
+
+
+def _compiled(building: _Building) -> Scene:
+    tree = building.tree
+    try:
+        model = building.spec.compile()
+    except ValueError as exc:
+        raise InnerModelError(f"MuJoCo refuses the scene: {exc}") from exc
+    frames = {}
+    for name, (body, pose) in building.frames.items():
+        position, turn = _in_simulation(pose)
+        frames[name] = Frame(model.body(body).id, turn, position)
+    bases = {name: _base(model, tree.node(name)) for name in building.bases}
+    joints = {name: _joint(model, tree.node(name)) for name in building.joints}
+    start = model.qpos0.copy()
+    for base in bases.values():
+        node = tree.node(base.name)
+        x, _, z = _three(node, "t")
+        start[[base.x, base.z, base.turn]] = x / 1000.0, z / 1000.0, _three(node, "r")[1]
+    for joint in joints.values():
+        place = tree.position(joint.name)
+        start[joint.place] = place / 1000.0 + joint.offset if joint.slides else place
+    shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(model.ngeom))
+    stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
+    return Scene(model, frames, bases, joints, start, shapes, stops)
+
+
+def _base(model: mujoco.MjModel, node: Node) -> Base:
+    x, z, turn = (int(model.joint(f"{_PREFIX}{node.id}.{each}").qposadr[0]) for each in ("x", "z", "turn"))
+    noise, collides = _number(node.values["noise"]), bool(node.values["collide"])
+    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, _shapes(model, _PREFIX + node.id))
+
+
+def _shapes(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
+    """Which geoms a body has, and the bodies below it. Bodies are numbered parents first."""
+    belongs = np.zeros(model.nbody, dtype=bool)
+    belongs[model.body(name).id] = True
+    for body in range(1, model.nbody):
+        belongs[body] |= belongs[model.body_parentid[body]]
+    found: NDArray[np.bool_] = belongs[model.geom_bodyid]
+    return found
+
+
+def _joint(model: mujoco.MjModel, node: Node) -> Joint:
+    place = int(model.joint(_PREFIX + node.id).qposadr[0])
+    low, high, home = (_number(node.values[each]) for each in ("min", "max", "home"))
+    slides = node.tag == "prismaticjoint"
+    offset = _number(node.values["offset"]) / 1000.0 if slides else 0.0
+    return Joint(node.id, place, slides, offset, low, high, home)
+
+
+def _in_simulation(pose: Array) -> tuple[Array, Array]:
+    """The position in m and the rotation of a pose in mm and our axes."""
+    return axes.position_to_simulation(pose[:3, 3]), axes.rotation_to_simulation(pose[:3, :3])
+
+
+def _quaternion(turn: Array) -> Array:
+    made = np.empty(4)
+    mujoco.mju_mat2Quat(made, turn.ravel())
+    return made
+
+
+def _three(node: Node, kind: str) -> tuple[float, float, float]:
+    x, y, z = (_number(node.values.get(f"{kind}{axis}", 0.0)) for axis in "xyz")
+    return x, y, z
+
+
+def _number(value: Value) -> float:
+    assert not isinstance(value, (str, tuple))
+    return float(value)
+
+
+def _numbers(value: Value) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (_number(value),)
+
+
+def _colour(node: Node) -> tuple[float, float, float, float]:
+    """The colour of a plane whose texture is one, and grey."""
+    text = str(node.values["texture"])
+    if re.fullmatch("#[0-9A-Fa-f]{6}", text):
+        red, green, blue = bytes.fromhex(text[1:])
+        return red / 255, green / 255, blue / 255, 1.0
+    return 0.5, 0.5, 0.5, 1.0

@@ -1,0 +1,1 @@
+"""A component that simulates a scene, and provides the interfaces of its robots and sensors."""

@@ -1,0 +1,97 @@
+"""DifferentialRobot and OmniRobot: bases that drive."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from ...contract.interface import Interface
+from ...runtime.instances import InstanceHandler
+from ..bases import Pose
+from .values import filled, operation
+
+if TYPE_CHECKING:
+    from ..world import World
+
+
+def state(world: World, base: str) -> dict[str, Any]:
+    """The fields of a TBaseState: mm, rad, mm/s, rad/s."""
+    odometry, corrected, speed = world.odometry(base), world.corrected(base), world.speed(base)
+    return {
+        "x": odometry.x,
+        "z": odometry.z,
+        "alpha": odometry.turn,
+        "correctedX": corrected.x,
+        "correctedZ": corrected.z,
+        "correctedAlpha": corrected.turn,
+        "advVx": speed.aside,
+        "advVz": speed.ahead,
+        "rotV": speed.turn,
+        "isMoving": any(speed),
+    }
+
+
+class BaseHandler(InstanceHandler):
+    """What both kinds of bases answer. Numbers that are not finite raise HardwareFailedException."""
+
+    def __init__(self, world: World, base: str, interface: Interface) -> None:
+        self._world, self._base = world, base
+        self._state = operation(interface, "getBaseState").outputs[0].type
+        self._failed = operation(interface, "stopBase").raises
+
+    def getBaseState(self) -> Any:
+        """Where the base is by its wheels, and by its last correction; mm and rad."""
+        return filled(self._state, state(self._world, self._base))
+
+    def getBasePose(self) -> tuple[int, int, float]:
+        """Where the base is by its wheels."""
+        pose = self._world.odometry(self._base)
+        return round(pose.x), round(pose.z), pose.turn
+
+    def stopBase(self) -> None:
+        self._world.drive(self._base)
+
+    def resetOdometer(self) -> None:
+        self._world.set_odometry(self._base)
+
+    def setOdometer(self, state: Any) -> None:
+        corrected = Pose(state.correctedX, state.correctedZ, state.correctedAlpha)
+        try:
+            self._world.set_odometry(self._base, state.x, state.z, state.alpha, corrected)
+        except ValueError as exc:
+            self._refuse(exc)
+
+    def setOdometerPose(self, x: int, z: int, alpha: float) -> None:
+        try:
+            self._world.set_odometry(self._base, x, z, alpha)
+        except ValueError as exc:
+            self._refuse(exc)
+
+    def correctOdometer(self, x: int, z: int, alpha: float) -> None:
+        try:
+            self._world.correct_odometry(self._base, x, z, alpha)
+        except ValueError as exc:
+            self._refuse(exc)
+
+    def _drive(self, ahead: float, aside: float, turn: float) -> None:
+        try:
+            self._world.drive(self._base, ahead, aside, turn)
+        except ValueError as exc:
+            self._refuse(exc)
+
+    def _refuse(self, error: ValueError) -> NoReturn:
+        for each in self._failed:
+            if each.python is not None:
+                raise each.python(str(error)) from error
+        raise error
+
+
+class DifferentialRobotHandler(BaseHandler):
+    def setSpeedBase(self, adv: float, rot: float) -> None:
+        """Drive at mm/s and rad/s, to the right."""
+        self._drive(adv, 0.0, rot)
+
+
+class OmniRobotHandler(BaseHandler):
+    def setSpeedBase(self, advx: float, advz: float, rot: float) -> None:
+        """Drive at mm/s to the right, mm/s ahead and rad/s, to the right."""
+        self._drive(advz, advx, rot)

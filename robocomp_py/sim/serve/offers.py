@@ -1,0 +1,43 @@
+"""What a scene provides: an interface for each device, under the id of its node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ...innermodel.read import InnerModelError
+from ...innermodel.tree import Tree
+from ...wire.names import is_segment
+
+INTERFACES = {
+    "laser": ("Laser", "LaserPub"),
+    "differentialrobot": ("DifferentialRobot", "DifferentialRobotPub"),
+    "omnirobot": ("OmniRobot",),
+}
+"""The interfaces of a device, by the tag of its node. Those that end in `Pub` are published."""
+
+
+def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
+    """The interfaces by the id of each device, in the order of the file. A laser without rays has none.
+
+    Raises InnerModelError for an id that cannot be the name of an instance.
+    """
+    found = {}
+    for name in tree.ids:
+        node = tree.node(name)
+        if node.tag in INTERFACES and node.values.get("measures") != 0:
+            if not is_segment(name):
+                raise InnerModelError(
+                    f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`"
+                )
+            found[name] = INTERFACES[node.tag]
+    return found
+
+
+def used(found: dict[str, tuple[str, ...]]) -> list[str]:
+    """All interfaces of a scene, each once."""
+    return list(dict.fromkeys(each for interfaces in found.values() for each in interfaces))
+
+
+def names_of(interface: str, found: dict[str, tuple[str, ...]]) -> Iterable[str]:
+    """The devices that have an interface."""
+    return (name for name, interfaces in found.items() if interface in interfaces)

@@ -1,0 +1,100 @@
+"""The base of a component that simulates a scene.
+
+class SpecificWorker(Simulator, GenericWorker):
+    pass
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...contract.component import Port
+from ...contract.interface import Interface
+from ...errors import ConfigurationError
+from ...innermodel.tree import Tree
+from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
+from ...runtime.worker import Worker
+from .bases import DifferentialRobotHandler, OmniRobotHandler, state
+from .lasers import LaserHandler, scanned
+from .offers import names_of, offers
+from .values import filled, operation
+
+try:
+    from ..world import World
+except ImportError as exc:
+    raise ConfigurationError(f"a scene needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})") from exc
+
+log = logging.getLogger("robocomp.sim")
+
+_MOST_MADE_UP = 1.0
+"""How much time one `compute` makes up for at most, s."""
+
+
+class Simulator(Worker[Any]):
+    """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
+
+    Each device is a named instance with the id of its node: `front/Laser`. Interfaces that the CDSL does not have are
+    not provided. The scene follows the clock of the component, and `compute` publishes scans and the states of bases.
+    """
+
+    world: World
+
+    def initialize(self) -> None:
+        """Read the scene, and add its devices."""
+        path = Path(inspect.getfile(type(self))).parent / self.params.scene
+        self._tree = Tree.read(path)
+        for problem in self._tree.problems:
+            log.warning("%s", problem)
+        self.world = World(self._tree, seed=self.params.seed, without_meshes=self.params.without_meshes)
+        self._began = self.now()
+        self._publications: list[Callable[[], None]] = []
+        found = offers(self._tree)
+        for port in self.component.named:
+            instances = getattr(self, port.attribute)
+            for name in names_of(port.interface.short, found):
+                if not instances.is_declared(name):
+                    log.info("%s: the network does not declare it; `rc sim offers` prints the lines", name)
+                elif isinstance(instances, NamedHandlers):
+                    instances.add(name, self._handler(port.interface, name))
+                elif isinstance(instances, NamedProxies):
+                    self._publications.append(self._publication(port, name, instances.add(name)))
+
+    def compute(self) -> None:
+        """Go on to the present time, and publish."""
+        self._follow()
+        for publish in self._publications:
+            publish()
+
+    def _follow(self) -> None:
+        """Go on to the time of the clock; of a long delay only the last part is made up for."""
+        passed = (self.now() - self._began) / 1e9
+        late = passed - self.world.time - _MOST_MADE_UP
+        if late > 0.0:
+            self._began += round(late * 1e9)
+            passed -= late
+            log.warning("the scene is %.1f s late and leaves them out: it has too much to compute", late)
+        self.world.step(max(0, round(passed / self.world.tick) - self.world.ticks))
+
+    def _handler(self, interface: Interface, name: str) -> InstanceHandler:
+        if interface.short == "Laser":
+            return LaserHandler(self.world, self._tree.node(name), self._carrier(name), interface)
+        kinds = {"DifferentialRobot": DifferentialRobotHandler, "OmniRobot": OmniRobotHandler}
+        return kinds[interface.short](self.world, name, interface)
+
+    def _publication(self, port: Port, name: str, proxy: Any) -> Callable[[], None]:
+        if port.interface.short == "LaserPub":
+            kind = operation(port.interface, "pushLaserData").inputs[0].type
+            return lambda: proxy.pushLaserData(scanned(self.world, name, kind))
+        made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
+        return lambda: proxy.pushBaseState(made(state(self.world, name)))
+
+    def _carrier(self, name: str) -> str:
+        """The base that carries a node; "" if none does."""
+        while name and name not in self.world.bases:
+            name = self._tree.node(name).parent
+        return name

@@ -1,0 +1,37 @@
+"""Values of a component's own classes. Its IDSL may be older or newer than ours: fields are filled by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...contract.interface import Interface, Operation
+from ...contract.types import Sequence, Struct, Type
+from ...innermodel.axes import Array
+
+
+def operation(interface: Interface, name: str) -> Operation[Any]:
+    return next(each for each in interface.operations if each.name == name)
+
+
+def filled(kind: Type, values: Mapping[str, Any]) -> Any:
+    """A struct with those of the values whose fields it has; its other fields are as they are in a new one."""
+    assert isinstance(kind, Struct)
+    assert kind.python is not None
+    return kind.python(**{each.attribute: values[each.name] for each in kind.fields if each.name in values})
+
+
+def rows(kind: Type, columns: Mapping[str, Array]) -> Any:
+    """A sequence of structs from arrays of one length, by the names of the fields."""
+    assert isinstance(kind, Sequence)
+    assert isinstance(kind.item, Struct)
+    if kind.dtype is not None:
+        made = np.zeros(len(next(iter(columns.values()))), kind.dtype)
+        for each in kind.item.fields:
+            if each.name in columns:
+                made[each.attribute] = columns[each.name]
+        return made
+    lists = {name: values.tolist() for name, values in columns.items()}
+    return [filled(kind.item, dict(zip(lists, numbers, strict=True))) for numbers in zip(*lists.values(), strict=True)]

@@ -1,0 +1,327 @@
+"""A simulated scene: it goes on in ticks, and is the same every time.
+
+Lengths are in mm, angles in rad, times in s; axes are those of InnerModel: x to the right, y up, z ahead, and turns to
+the right. The state is all in a `World`, so its copy is a world of its own, which goes on in the same way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import mujoco
+import numpy as np
+
+from ..innermodel import axes
+from ..innermodel.axes import Array
+from ..innermodel.read import InnerModelError
+from ..innermodel.tree import Tree
+from ..spelling import unknown
+from .bases import Drive, Pose, Speed, moved
+from .build import build
+from .devices.laser import Laser
+from .noise import normal
+
+TICK = 0.005
+"""Length of a tick, s."""
+
+HOLD = 1.0
+"""How long a base goes on at a speed that it was told, s."""
+
+_TOUCH = 1e-9
+"""How much deeper than before a shape of a base may be in another one, m."""
+
+_FARTHEST = 1e9
+"""mm or rad, also a second: a base does not go on beyond this, 1000 km."""
+
+T = TypeVar("T")
+
+
+class World:
+    """A scene and its state. One thread uses it at a time."""
+
+    def __init__(
+        self, tree: Tree, *, seed: int = 0, tick: float = TICK, hold: float = HOLD, without_meshes: bool = False
+    ) -> None:
+        """Begin with all as the tree has it.
+
+        A base stops `hold` seconds after it was last told a speed; 0: never. Raises InnerModelError for a mesh or a
+        sensor that cannot be used.
+        """
+        if not tick > 0.0 or not hold >= 0.0:
+            raise ValueError(f"a tick of {tick} s, and a hold of {hold} s")
+        self._tree, self._seed, self._tick = tree.copy(), seed, tick
+        self._hold = round(hold / tick)
+        self._scene = build(self._tree, tick, without_meshes=without_meshes)
+        self._lasers = {
+            name: Laser(self._tree.node(name), self._scene.frames[name])
+            for name in self._tree.ids
+            if self._tree.node(name).tag == "laser" and self._tree.node(name).values["measures"] != 0
+        }
+        self._data = mujoco.MjData(self._scene.model)
+        self._ticks = 0
+        self._drives: dict[str, Drive] = {}
+        self._targets: dict[str, tuple[float, float]] = {}
+        self._noise: dict[str, float] = {}
+        self.reset(seed)
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin again at tick 0, with all as the tree had it; with another seed if one is given."""
+        self._seed = self._seed if seed is None else seed
+        mujoco.mj_resetData(self._scene.model, self._data)
+        self._data.qpos[:] = self._scene.start
+        self._ticks = 0
+        self._targets = {}
+        self._noise = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
+        self._drives = {}
+        for name in self._scene.bases:
+            self._drives[name] = Drive(Speed(), None, self._pose(name), self._pose(name))
+        self._update()
+
+    def copy(self) -> World:
+        """A world with the same state, which goes on by itself. It shares the model, which nothing changes."""
+        made = object.__new__(World)
+        made.__dict__.update(self.__dict__)
+        made._data = mujoco.MjData(self._scene.model)
+        mujoco.mj_copyData(made._data, self._scene.model, self._data)
+        made._drives = {name: replace(drive) for name, drive in self._drives.items()}
+        made._targets, made._noise = dict(self._targets), dict(self._noise)
+        return made
+
+    @property
+    def tick(self) -> float:
+        """The length of a tick, s."""
+        return self._tick
+
+    @property
+    def ticks(self) -> int:
+        """The number of ticks since the beginning."""
+        return self._ticks
+
+    @property
+    def time(self) -> float:
+        """Seconds since the beginning."""
+        return self._ticks * self._tick
+
+    @property
+    def bases(self) -> list[str]:
+        return list(self._scene.bases)
+
+    @property
+    def joints(self) -> list[str]:
+        return list(self._scene.joints)
+
+    @property
+    def lasers(self) -> list[str]:
+        return list(self._lasers)
+
+    def digest(self) -> str:
+        """A hash of the whole state: worlds with the same one go on alike, if they are told the same."""
+        made = hashlib.sha256(struct.pack("<qq", self._ticks, self._seed))
+        made.update(self._data.qpos.tobytes() + self._data.qvel.tobytes())
+        for name, drive in sorted(self._drives.items()):
+            numbers = (*drive.speed, *drive.odometry, *drive.corrected)
+            made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
+        for values in (self._targets, self._noise):
+            made.update(repr(sorted(values.items())).encode())
+        return made.hexdigest()
+
+    # What robots are told.
+
+    def drive(self, base: str, ahead: float = 0.0, aside: float = 0.0, turn: float = 0.0) -> None:
+        """Drive at mm/s and rad/s. A base with two wheels does not move aside.
+
+        Raises InnerModelError if there is no such base, and ValueError for speeds that no robot has.
+        """
+        found = _known("base", base, self._scene.bases)
+        speed = Speed(*_near("speed", ahead, aside if found.is_omni else 0.0, turn))
+        drive = self._drives[base]
+        drive.speed, drive.expires = speed, self._ticks + self._hold if self._hold else None
+
+    def move_joint(self, joint: str, position: float, speed: float = 0.0) -> float:
+        """Move a joint to a position in rad, or mm if it slides, at rad/s or mm/s; a speed of 0: at once.
+
+        Returns where it will end, within its limits. Raises InnerModelError if there is no such joint, and ValueError
+        for numbers that are not finite.
+        """
+        found = _known("joint", joint, self._scene.joints)
+        position, speed = _finite("position", position, speed)
+        position = min(max(position, found.low), found.high)
+        if speed == 0.0:
+            self._targets.pop(joint, None)
+            self._set_joint(joint, position)
+            self._update()
+        else:
+            self._targets[joint] = position, abs(speed)
+        return position
+
+    def set_odometry(
+        self, base: str, x: float = 0.0, z: float = 0.0, turn: float = 0.0, corrected: Pose | None = None
+    ) -> None:
+        """Let the odometry go on from another pose, mm and rad, and its correction from `corrected` or from there."""
+        drive, pose = self._drive(base), Pose(*_near("pose", x, z, turn))
+        drive.corrected = Pose(*_near("pose", *corrected)) if corrected else pose
+        drive.odometry = pose
+
+    def correct_odometry(self, base: str, x: float, z: float, turn: float) -> None:
+        """Tell where the base is, mm and rad: `corrected` goes on from there."""
+        self._drive(base).corrected = Pose(*_near("pose", x, z, turn))
+
+    def set_noise(self, node: str, deviation: float) -> None:
+        """Set the standard deviation of what disturbs a node: of a laser, mm; of a base, a factor of its speed."""
+        _known("laser or base", node, {**self._scene.bases, **self._lasers})
+        (deviation,) = _finite("standard deviation", deviation)
+        if deviation < 0.0:
+            raise ValueError(f"a standard deviation of {deviation}")
+        self._noise[node] = deviation
+
+    # How things are.
+
+    def odometry(self, base: str) -> Pose:
+        """Where a base is by its wheels. It begins at the pose of the file."""
+        return self._drive(base).odometry
+
+    def corrected(self, base: str) -> Pose:
+        """The last pose that the base was told, moved on by its wheels."""
+        return self._drive(base).corrected
+
+    def speed(self, base: str) -> Speed:
+        """What the base does, without its noise."""
+        return self._drive(base).speed
+
+    def position(self, joint: str) -> float:
+        """Of a joint: rad, or mm if it slides."""
+        found = _known("joint", joint, self._scene.joints)
+        place = float(self._data.qpos[found.place])
+        return (place - found.offset) * 1000.0 if found.slides else place
+
+    def matrix(self, node: str, seen_from: str = "root") -> Array:
+        """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""
+        found, other = self._matrix(node), self._matrix(seen_from)
+        made: Array = axes.inverse(other) @ found
+        return made
+
+    def scan(self, laser: str) -> Array:
+        """The distances that a laser measures now, mm, shape (measures,), from the right to the left."""
+        found = _known("laser", laser, self._lasers)
+        deviation = self._noise.get(laser, 0.0)
+        noise = None
+        if deviation:
+            noise = deviation * normal(self._seed, laser, "distance", self._ticks, len(found.angles))
+        return found.scan(self._scene.model, self._data, noise)
+
+    def angles(self, laser: str) -> Array:
+        """Of a laser's rays, rad to the right, shape (measures,)."""
+        return _known("laser", laser, self._lasers).angles
+
+    # How it goes on.
+
+    def step(self, count: int = 1) -> None:
+        """Go on by some ticks."""
+        if count < 0:
+            raise ValueError(f"{count} ticks")
+        for _ in range(count):
+            self._ticks += 1
+            for name in self._targets.copy():
+                self._approach(name)
+            for name, drive in self._drives.items():
+                self._advance(name, drive)
+        self._update()
+
+    def _approach(self, name: str) -> None:
+        target, speed = self._targets[name]
+        now, most = self.position(name), speed * self._tick
+        if abs(target - now) <= most:
+            del self._targets[name]
+            self._set_joint(name, target)
+        else:
+            self._set_joint(name, now + math.copysign(most, target - now))
+
+    def _advance(self, name: str, drive: Drive) -> None:
+        if drive.expires is not None and self._ticks > drive.expires:
+            drive.speed, drive.expires = Speed(), None
+        if not any(drive.speed):
+            return
+        base, before = self._scene.bases[name], self._pose(name)
+        if max(map(abs, (*before, *drive.odometry, *drive.corrected))) > _FARTHEST:
+            drive.speed, drive.expires = Speed(), None
+            return
+        speed, deviation = drive.speed, self._noise.get(name, 0.0)
+        if deviation:
+            factors = 1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)
+            speed = Speed(*(float(one * factor) for one, factor in zip(speed, factors, strict=True)))
+        if base.collides:
+            depths = self._depths(name)
+            self._place(name, moved(before, speed, self._tick))
+            if any(depth < min(depths.get(pair, 0.0), 0.0) - _TOUCH for pair, depth in self._depths(name).items()):
+                self._place(name, before)
+                return
+        else:
+            self._place(name, moved(before, speed, self._tick))
+        drive.odometry = moved(drive.odometry, drive.speed, self._tick)
+        drive.corrected = moved(drive.corrected, drive.speed, self._tick)
+
+    def _depths(self, name: str) -> dict[tuple[int, int], float]:
+        """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""
+        model, data, found = self._scene.model, self._data, {}
+        self._update()
+        own = self._scene.bases[name].shapes
+        others = np.flatnonzero(self._scene.stops & ~own)
+        for one in np.flatnonzero(self._scene.stops & own).tolist():
+            reach = model.geom_rbound[one] + model.geom_rbound[others]
+            apart = np.linalg.norm(data.geom_xpos[others] - data.geom_xpos[one], axis=1)
+            for other in others[apart < reach].tolist():
+                found[one, other] = mujoco.mj_geomDistance(model, data, one, other, 1.0, None)
+        return found
+
+    def _pose(self, base: str) -> Pose:
+        found = self._scene.bases[base]
+        x, z, turn = self._data.qpos[[found.x, found.z, found.turn]].tolist()
+        return Pose(x * 1000.0, z * 1000.0, turn)
+
+    def _place(self, base: str, pose: Pose) -> None:
+        found = self._scene.bases[base]
+        self._data.qpos[[found.x, found.z, found.turn]] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
+
+    def _set_joint(self, name: str, position: float) -> None:
+        found = self._scene.joints[name]
+        self._data.qpos[found.place] = position / 1000.0 + found.offset if found.slides else position
+
+    def _update(self) -> None:
+        mujoco.mj_kinematics(self._scene.model, self._data)
+
+    def _matrix(self, name: str) -> Array:
+        frame = _known("node", name, self._scene.frames)
+        turn = self._data.xmat[frame.body].reshape(3, 3)
+        position = axes.position_from_simulation(self._data.xpos[frame.body] + turn @ frame.position)
+        return axes.pose(position.tolist(), axes.rotation_from_simulation(turn @ frame.rotation))
+
+    def _drive(self, base: str) -> Drive:
+        _known("base", base, self._scene.bases)
+        return self._drives[base]
+
+
+def _known(kind: str, name: str, among: Mapping[str, T]) -> T:
+    try:
+        return among[name]
+    except KeyError:
+        raise InnerModelError(unknown(kind, name, among)) from None
+
+
+def _near(what: str, *numbers: float) -> tuple[float, ...]:
+    """Numbers that messages can carry, too: some interfaces have whole numbers of mm, and floats of 32 bits."""
+    for each in _finite(what, *numbers):
+        if abs(each) > _FARTHEST:
+            raise ValueError(f"{each:g} is no {what}: at most {_FARTHEST:g} mm or rad, and per second")
+    return tuple(map(float, numbers))
+
+
+def _finite(what: str, *numbers: float) -> tuple[float, ...]:
+    for each in numbers:
+        if not math.isfinite(each):
+            raise ValueError(f"{each} is no {what}")
+    return tuple(map(float, numbers))

@@ -1,0 +1,101 @@
+"""Actions of a running network, by their parts. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..contract import action as actions
+from ..contract.action import OCTETS, Action, GoalState
+from ..contract.interface import Operation, Pattern
+from ..contract.types import Struct
+from ..spelling import closest
+from .idsl import declared
+from .network import Channel, Network, NotUnderstood
+
+_START = "-start"
+
+
+@dataclass(frozen=True)
+class Offered:
+    """An action that a component offers."""
+
+    name: str
+    """`arm/Navigation/goTo`"""
+    parts: Mapping[str, Channel]
+    """By the words of `contract.action.PARTS`; those that are not there are missing."""
+
+    @property
+    def start(self) -> Channel:
+        return self.parts["start"]
+
+
+def offered(network: Network) -> dict[str, Offered]:
+    """All actions, by name."""
+    found = {}
+    for channel in network.channels.values():
+        if channel.name.endswith(_START) and channel.providers:
+            stem = channel.name.removesuffix(_START)
+            parts = {each: network.channels.get(f"{stem}-{each}") for each in actions.PARTS}
+            found[stem] = Offered(stem, {each: part for each, part in parts.items() if part})
+    return found
+
+
+def named(network: Network, name: str) -> Offered:
+    """The only action that a name means: `arm/Navigation/goTo`, or a part of it. Raises ValueError."""
+    known = offered(network)
+    wanted = f"/{name.strip('/')}/"
+    found = [each for whole, each in known.items() if wanted in f"/{whole}/"]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ValueError(f"`{name}` may be {', '.join(each.name for each in found)}; write more of the name")
+    parts = {"/".join(each.split("/")[-count:]) for each in known for count in (1, 2, 3)}
+    near = closest(name.strip("/"), parts)
+    hint = f"did you mean `{near}`?" if near else "`rc action list` shows all"
+    raise ValueError(f"no action `{name}` is offered now; {hint}")
+
+
+def action_of(name: str, operations: Mapping[str, Operation[Any]]) -> Action:
+    """The action that these parts belong to. Raises NotUnderstood if they do not belong together."""
+    if missing := {"start", "result", "cancel", "status"} - set(operations):
+        raise NotUnderstood(f"{name} is no whole action: it lacks {', '.join(sorted(missing))}")
+    start, result, told = operations["start"], operations["result"], operations.get("feedback")
+    feedback = told.inputs[1].type if told and len(told.inputs) > 1 else None
+    made = Action(
+        start.interface,
+        start.name.removesuffix(_START),
+        start.inputs[2:],
+        result.outputs,
+        feedback if isinstance(feedback, Struct) else None,
+        tuple(each for each in result.raises if each.name != actions.NO_RESULT.name),
+    )
+    parts = {each.name.rpartition("-")[2]: each for each in made.parts}
+    if any(part not in operations or each.text != operations[part].text for part, each in parts.items()):
+        raise NotUnderstood(f"{name} is no action that this version knows")
+    return made
+
+
+def goals(octets: bytes, states: bytes) -> dict[bytes, GoalState]:
+    """The states of all goals that a server tells, by their ids."""
+    known = frozenset(map(int, GoalState))
+    return {
+        octets[place * OCTETS : (place + 1) * OCTETS]: GoalState(state)
+        for place, state in enumerate(states)
+        if state in known and len(octets) >= (place + 1) * OCTETS
+    }
+
+
+def told(action: Action) -> Iterator[str]:
+    """An action and its types, much as an IDSL file has them."""
+    inside: Operation[Any] = Operation(
+        action.interface, action.name, action.inputs, action.outputs, action.raises, Pattern.QUERY
+    )
+    first, *rest = declared(inside)
+    if action.feedback:
+        fields = next(declared(Operation(action.interface, "feedback", action.feedback.fields)))
+        head, throws, thrown = first.removesuffix(";").partition(" throws ")
+        first = f"{head} {fields.removeprefix('void ').removesuffix(';')}{throws}{thrown};"
+    yield f"[action] {first}"
+    yield from rest

@@ -1,0 +1,59 @@
+"""What processes announce, by names alone: contracts are not read, so that a shell can ask at every press of a key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from ..errors import ConfigurationError, TransportError
+from ..transports.census import Told
+from ..wire import names
+
+PROVIDERS = frozenset(("publishes", "receives", "serves"))
+"""The roles whose channels have the name of their own instance."""
+
+OWN = frozenset(("CommonBehavior", "Introspection", "IntrospectionPub", "LockstepLeader", "LockstepFollower"))
+"""Interfaces of the framework, which are shown only if they are asked for."""
+
+
+def told_in_files() -> list[Told]:
+    """The ends that processes on this host announce in files, those of the framework's interfaces last.
+
+    Only these can be read in no time: other middlewares, such as DDS, have to be opened for it. What cannot be read
+    counts as not there, because a shell that completes a name can show no error.
+    """
+    from ..transports.directory import announcing, census
+
+    try:
+        found = [each for transport in announcing() for each in census(transport)]
+    except (ConfigurationError, TransportError):
+        return []
+    return sorted(found, key=lambda each: (names.segment(each.channel) in OWN, each.channel))
+
+
+def channels(ends: Iterable[Told], roles: Iterable[str]) -> list[str]:
+    """The names of the channels at whose ends something has one of these roles."""
+    wanted = frozenset(roles)
+    known = (each.channel for each in ends if each.role in wanted and names.instance(each.channel) != names.ANY)
+    return list(dict.fromkeys(each for each in known if each.isprintable()))
+
+
+def fitting(known: Iterable[str], beginning: str) -> Iterator[str]:
+    """The names that begin so, or else their last parts that do: `Laser/getLaserData` for `La`.
+
+    The interfaces of the framework need their first letters, since every component has them.
+    """
+    every = list(known)
+    whole = [each for each in every if each.startswith(beginning)]
+    asked = [each for each in whole if names.segment(each) not in OWN or names.segment(each) in beginning]
+    if whole or not beginning:
+        yield from asked or whole
+        return
+    tails = (each.split("/", at)[at] for each in every for at in range(1, each.count("/") + 1))
+    yield from dict.fromkeys(each for each in tails if each.startswith(beginning))
+
+
+def components(ends: Iterable[Told], beginning: str) -> Iterator[str]:
+    """The names of components that begin so, or else the last parts of their names that do."""
+    every = dict.fromkeys(each.owner for each in ends if each.owner.isprintable() and each.owner)
+    whole = [each for each in every if each.startswith(beginning)]
+    yield from whole or (tail for each in every if (tail := each.rpartition("/")[2]).startswith(beginning))

@@ -1,0 +1,198 @@
+"""Asks components what they are, and what they have counted, by their `Introspection`.
+
+A component that does not implement it (one of RoboComp's, in another language, or older), that ends meanwhile, or that
+answers nonsense, has no answer; nothing is raised for it. Another version may have more or fewer fields: what it lacks
+has the default, and what is not known here is left out. Texts of others are made printable, since tools show them.
+"""
+
+from __future__ import annotations
+
+import logging
+import platform
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..contract import types
+from ..errors import RobocompError, Unreachable
+from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from ..runtime.RoboCompIntrospection import Comment, Description, End, Measures
+from ..transports.deployment import deployment_of
+from .access import Access
+from .network import Channel, Network
+
+INTERFACE = "Introspection"
+
+DEADLINE = 2.0
+"""Seconds that a component has for an answer, unless the caller says otherwise."""
+
+_AT_ONCE = 16
+"""Components that are asked at the same time."""
+
+_MOST = 8
+"""Components that are asked about one channel."""
+
+log = logging.getLogger("robocomp.tools")
+
+T = TypeVar("T")
+
+
+def components(network: Network) -> list[str]:
+    """The whole names of all instances that implement `Introspection`, as `robot1/world`."""
+    return sorted({name for each in network.stock(INTERFACE) if (name := _instance(each))})
+
+
+def describe(access: Access, network: Network, component: str, deadline: float = DEADLINE) -> Description | None:
+    """What a component is, by its whole name; None if it does not tell."""
+    return _ask(access, network, component, "describe", Description, deadline)
+
+
+def measure(access: Access, network: Network, component: str, deadline: float = DEADLINE) -> Measures | None:
+    """What a component has counted since its start, by its whole name; None if it does not tell."""
+    return _ask(access, network, component, "measure", Measures, deadline)
+
+
+def measure_all(
+    access: Access, network: Network, instances: Iterable[str], deadline: float = DEADLINE
+) -> dict[str, Measures]:
+    """What components have counted, by their whole names: those that tell, all within about one deadline."""
+    names = list(instances)
+    with ThreadPoolExecutor(_AT_ONCE, "asking") as pool:
+        found = pool.map(lambda name: measure(access, network, name, deadline), names)
+        return {name: told for name, told in zip(names, found, strict=True) if told is not None}
+
+
+def set_log_level(
+    access: Access, network: Network, component: str, logger: str, level: str, deadline: float = DEADLINE
+) -> None:
+    """Set the level of a logger of a component until it ends; `""` is that of all.
+
+    Raises RemoteFailure with the component's reason, Unreachable, and what any call raises.
+    """
+    access.ask(_required(network, component, "setLogLevel"), (logger, level), deadline)
+
+
+def watch(
+    access: Access,
+    network: Network,
+    component: str,
+    *,
+    calls: bool,
+    logs: bool,
+    lease: float,
+    deadline: float = DEADLINE,
+) -> None:
+    """Let a component publish its calls, its log records, or both, for `lease` seconds; see `tools.leases`.
+
+    Raises the same as `set_log_level`.
+    """
+    access.ask_again(_required(network, component, "watch"), (calls, logs, lease), deadline)
+
+
+def about(access: Access, network: Network, channel: Channel, deadline: float = DEADLINE) -> End | None:
+    """What one of the components at a channel tells of its operation, with comments; None if none tells.
+
+    Those that provide it are asked first.
+    """
+    if channel.interface == COMMONBEHAVIOR_INTERFACE.short:
+        return _of_common_behavior(channel)
+    owners = [end.told.owner.rpartition("/")[2] for end in (*channel.providers, *channel.users)]
+    known = components(network)
+    asked = [name for owner in owners for name in known if name.rpartition("/")[2] == owner]
+    for name in list(dict.fromkeys([*(each for each in known if channel.name.startswith(f"{each}/")), *asked]))[:_MOST]:
+        told = describe(access, network, name, deadline)
+        ends = told.ends if told else ()
+        if found := next((end for end in ends if end.definition in channel.texts.values()), None):
+            return found
+    return None
+
+
+def publishers_are_here(access: Access, network: Network, channel: Channel, deadline: float = DEADLINE) -> bool:
+    """Whether all publishers of a topic are known to be on this host, so that both sides have one clock."""
+    if deployment_of(channel.middlewares[0]).directory:
+        return True  # it lists processes of this host only
+    known = components(network)
+    for end in channel.providers[:_MOST]:
+        named = [name for name in known if name == end.told.owner or name.endswith(f"/{end.told.owner}")]
+        told = describe(access, network, named[0], deadline) if len(named) == 1 else None
+        if told is None or told.host != platform.node():
+            return False
+    return len(channel.providers) <= _MOST
+
+
+def _of_common_behavior(channel: Channel) -> End | None:
+    """The same for an interface that no component tells of, since all have it."""
+    for each in COMMONBEHAVIOR_INTERFACE.operations:
+        if channel.name.endswith(f"/{each.name}"):
+            noted = [Comment(field.name, field.doc) for field in each.inputs if field.doc]
+            return End(operation=each.name, confirm=each.confirm, comments=[Comment("", each.doc), *noted])
+    return None
+
+
+def _ask(
+    access: Access, network: Network, component: str, operation: str, wanted: type[T], deadline: float
+) -> T | None:
+    channel = _channel(network, component, operation)
+    if channel is None:
+        return None
+    try:
+        (values,) = access.ask_again(channel, (), deadline)
+        (field,) = channel.operation.outputs
+        return _taken(field.type, values, wanted)
+    except (RobocompError, ValueError, TypeError) as exc:
+        log.debug("%s: %s", channel.name, exc)  # it may have ended meanwhile, and its answer is not ours to trust
+        return None
+
+
+def _required(network: Network, component: str, operation: str) -> Channel:
+    channel = _channel(network, component, operation)
+    if channel is None:
+        raise Unreachable(f"{component} is not there, or has no {INTERFACE}.{operation}")
+    return channel
+
+
+def _channel(network: Network, component: str, operation: str) -> Channel | None:
+    name = component.strip("/")
+    for each in network.stock(INTERFACE):
+        if each.providers and _instance(each) == name and each.name.endswith(f"/{operation}"):
+            return each
+    return None
+
+
+def _instance(channel: Channel) -> str:
+    return channel.name.rsplit("/", 2)[0]
+
+
+def _taken(kind: types.Type, values: Any, wanted: type[T]) -> T:
+    """An object of a generated class from the tuple of a struct, by the names of fields.
+
+    Raises TypeError if a field is of another type than ours.
+    """
+    if not isinstance(kind, types.Struct) or not isinstance(values, tuple):
+        raise TypeError(f"{wanted.__name__} is no struct there")
+    contract: types.Struct = wanted.__contract__  # type: ignore[attr-defined]  # of every generated class
+    ours = {each.name: each.type for each in contract.fields}
+    given = {
+        field.name: _value(ours[field.name], field.type, value)
+        for field, value in zip(kind.fields, values, strict=True)
+        if field.name in ours
+    }
+    return wanted(**given)
+
+
+def _value(ours: types.Type, theirs: types.Type, value: Any) -> Any:
+    match ours, theirs:
+        case types.Struct(python=python), types.Struct() if python is not None:
+            return _taken(theirs, value, python)
+        case types.Sequence(item), types.Sequence(other) if isinstance(item, types.Struct | types.Primitive):
+            return value if isinstance(value, np.ndarray) and item == other else [_value(item, other, x) for x in value]
+        case types.Primitive(), types.Primitive() if ours is theirs:
+            return printable(value) if isinstance(value, str) else value
+    raise TypeError(f"{types.spell(theirs)} where {types.spell(ours)} is expected")
+
+
+def printable(text: str) -> str:
+    """A text of another process without control characters, but with its lines."""
+    return "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in text)

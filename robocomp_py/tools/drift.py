@@ -1,0 +1,240 @@
+"""The difference between what a network declares and what runs. Pure.
+
+declared, and runs             present
+declared, and does not run     missing: an instance, or a use by a client or of a provider that is not connected
+declared, and not visible      unseen: on another host, within one process, or a program without contracts
+runs, and is not declared      undeclared: what uses the instances of the network, or is used by them
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from ..contract.interface import Pattern, Verb
+from ..wire import names
+from .network import Channel, End, Network
+
+_BEHAVIOR = "CommonBehavior"
+"""Every component provides it, so it tells which ones are there."""
+
+
+class Presence(StrEnum):
+    PRESENT = "present"
+    MISSING = "missing"
+    UNSEEN = "unseen"
+    UNDECLARED = "undeclared"
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    name: str
+    """The network's name for it; of one that is not declared, its own with its process, as `spy (process 8)`."""
+    presence: Presence
+    pids: frozenset[int] = frozenset()
+    prefix: str = ""
+    """The prefix of its channels, its own name for itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """One operation that a client uses of a provider, or one topic that a subscriber hears of a publisher."""
+
+    client: str
+    provider: str
+    channel: str
+    middleware: str
+    is_topic: bool
+    presence: Presence
+    pid: int = 0
+    """The process of the client; 0 if no process is known, or more than one."""
+    owner: str = ""
+    """The client's own name, if the use is not declared; "?" if it has none."""
+
+    @property
+    def interface(self) -> str:
+        return names.segment(self.channel)
+
+
+@dataclass(frozen=True)
+class Drift:
+    network: str
+    instances: tuple[Instance, ...]
+    uses: tuple[Use, ...]
+
+    def uses_of(self, presence: Presence) -> list[Use]:
+        return [each for each in self.uses if each.presence is presence]
+
+    def presence_of(self, name: str) -> Presence:
+        return next((each.presence for each in self.instances if each.name == name), Presence.UNSEEN)
+
+
+def compare(plan: Mapping[str, Any], network: Network, tellers: Collection[str] | None = None) -> Drift:
+    """What a network declares, as `Plan.to_json`, beside what runs.
+
+    `tellers` are the middlewares that could tell what uses them; None means all. Raises ValueError if the plan is of
+    another version.
+    """
+    try:
+        comparison = _Comparison(plan, network, tellers)
+        instances, declared = comparison.declared_instances(), list(comparison.declared_uses())
+        undeclared = list(comparison.undeclared_uses())
+    except (KeyError, TypeError, AttributeError, ValueError) as exc:
+        raise ValueError(f"the plan of a network is of another version ({exc!r})") from exc
+    return Drift(
+        comparison.name, (*instances, *comparison.strangers.values()), tuple(dict.fromkeys((*declared, *undeclared)))
+    )
+
+
+def observed(network: Network) -> Drift:
+    """The same for what runs without any declaration: everything is present."""
+    called = _names_of(network)
+    instances = (Instance(name, Presence.PRESENT, frozenset((pid,)), owner) for (owner, pid), name in called.items())
+    uses = (
+        Use(
+            called[user.told.owner, user.told.pid],
+            called[provider.told.owner, provider.told.pid],
+            channel.name,
+            user.middleware,
+            channel.pattern is Pattern.PUBLISH,
+            Presence.PRESENT,
+            user.told.pid,
+        )
+        for channel in network.channels.values()
+        for provider in channel.providers
+        for user in channel.users
+        if provider.told[:2] != user.told[:2]
+    )
+    return Drift("", tuple(instances), tuple(dict.fromkeys(uses)))
+
+
+def _names_of(network: Network) -> dict[tuple[str, int], str]:
+    """What each component is called, by its owner and process: with the process only if two have one name."""
+    owners: dict[str, set[int]] = {}
+    stock = [end for each in network.stock(_BEHAVIOR) for end in each.providers]
+    for end in (*network.ends, *stock):
+        owners.setdefault(end.told.owner, set()).add(end.told.pid)
+    return {
+        (owner, pid): owner if owner and len(pids) == 1 else _with_process(owner, pid)
+        for owner, pids in sorted(owners.items())
+        for pid in sorted(pids)
+    }
+
+
+def _with_process(owner: str, pid: int) -> str:
+    return f"{owner or '?'} (process {pid})"
+
+
+class _Comparison:
+    def __init__(self, plan: Mapping[str, Any], network: Network, tellers: Collection[str] | None) -> None:
+        self.name = str(plan["name"])
+        self.strangers: dict[tuple[str, int], Instance] = {}
+        self._network, self._tellers = network, tellers
+        self._ways = list(plan["ways"])
+        ours = plan["ours"]
+        self._prefixes = {str(name): str(each["channels"]) for name, each in ours.items()}
+        self._over = {name: [str(one).partition(" ")[0] for one in ours[name]["over"]] for name in self._prefixes}
+        self._elsewhere = {str(name) for each in plan["processes"] if each["host"] for name in each["instances"]}
+        self._names = [str(name) for each in plan["processes"] for name in each["instances"]]
+        providers = self._providers()
+        self._pids = {name: providers.get(prefix, set()) for name, prefix in self._prefixes.items()}
+        self._by_pid: dict[int, list[str]] = {}
+        for name, pids in self._pids.items():
+            for pid in pids:
+                self._by_pid.setdefault(pid, []).append(name)
+        self._used: dict[int, list[End]] = {}
+        for end in network.ends:
+            if not end.provides:
+                self._used.setdefault(end.told.pid, []).append(end)
+
+    def declared_instances(self) -> list[Instance]:
+        return [
+            Instance(name, self._presence(name), frozenset(self._pids.get(name, ())), self._prefixes.get(name, name))
+            for name in self._names
+        ]
+
+    def declared_uses(self) -> Iterator[Use]:
+        for way in self._ways:
+            client, provider, over = str(way["client"]), str(way["provider"]), str(way["middleware"])
+            pids = self._pids.get(client, set())
+            channels = _channels_of(way)
+            presence = self._presence_of_use(client, provider, [name for name, _ in channels], over)
+            pid = next(iter(pids)) if len(pids) == 1 else 0
+            for channel, is_topic in channels:
+                yield Use(client, provider, channel, over, is_topic, presence, pid)
+
+    def undeclared_uses(self) -> Iterator[Use]:
+        """Those of which one side at least is an instance of the network, except those within one process."""
+        declared = {(str(way["client"]), channel) for way in self._ways for channel, _ in _channels_of(way)}
+        for channel in self._network.channels.values():
+            providers = [each for each in channel.providers if each.told.pid in self._by_pid] or channel.providers
+            for user in channel.users if providers else ():
+                inside, pid = self._by_pid.get(user.told.pid, []), user.told.pid
+                if any((name, channel.name) in declared for name in inside):
+                    continue
+                if providers[0].told.pid == pid or not (inside or providers[0].told.pid in self._by_pid):
+                    continue
+                yield self._undeclared(channel, providers[0], user)
+
+    def _undeclared(self, channel: Channel, provider: End, user: End) -> Use:
+        client, source = self._instance_of(user), self._instance_of(provider)
+        is_topic = channel.pattern is Pattern.PUBLISH
+        owner = user.told.owner or "?"
+        return Use(client, source, channel.name, user.middleware, is_topic, Presence.UNDECLARED, user.told.pid, owner)
+
+    def _instance_of(self, end: End) -> str:
+        """The instance of an end: a declared one of its process, or a stranger, which is noted."""
+        owner, pid = end.told.owner, end.told.pid
+        if inside := self._by_pid.get(pid):
+            fitting = (name for name in inside if _last(self._prefixes[name]) == _last(owner))
+            return next(fitting, inside[0])
+        stranger = Instance(_with_process(owner, pid), Presence.UNDECLARED, frozenset((pid,)), owner)
+        return self.strangers.setdefault((owner, pid), stranger).name
+
+    def _presence(self, name: str) -> Presence:
+        if self._pids.get(name):
+            return Presence.PRESENT
+        visible = name in self._over and name not in self._elsewhere and any(map(self._tells, self._over[name]))
+        return Presence.MISSING if visible else Presence.UNSEEN
+
+    def _presence_of_use(self, client: str, provider: str, channels: Sequence[str], middleware: str) -> Presence:
+        """Of an action, it is enough if one of its channels is connected."""
+        ends = {self._presence(client), self._presence(provider)}
+        if Presence.MISSING in ends:
+            return Presence.MISSING
+        if Presence.UNSEEN in ends or not self._tells(middleware):
+            return Presence.UNSEEN
+        return (
+            Presence.PRESENT if any(self._connects(client, provider, each) for each in channels) else Presence.MISSING
+        )
+
+    def _connects(self, client: str, provider: str, channel: str) -> bool:
+        known = self._network.channels.get(channel)
+        if known is None or not any(end.told.pid in self._pids[provider] for end in known.providers):
+            return False
+        used = (end for pid in self._pids[client] for end in self._used.get(pid, ()))
+        return any(names.matches(end.told.channel, channel) for end in used)
+
+    def _providers(self) -> dict[str, set[int]]:
+        """The processes that provide channels, by the prefix of these."""
+        found: dict[str, set[int]] = {}
+        for each in (*self._network.channels.values(), *self._network.stock(_BEHAVIOR)):
+            prefix = each.name.rsplit("/", 2)[0]
+            found.setdefault(prefix, set()).update(end.told.pid for end in each.providers)
+        return found
+
+    def _tells(self, middleware: str) -> bool:
+        return self._tellers is None or middleware in self._tellers
+
+
+def _channels_of(way: Mapping[str, Any]) -> list[tuple[str, bool]]:
+    """The channels of a way, each with whether it is a topic. An action has one for each of its parts."""
+    name = str(way["channel"])
+    parts = [(name + str(behind), Verb(verb).is_topic) for behind, verb in way["parts"]]
+    return parts or [(name, Verb(way["verb"]).is_topic)]
+
+
+def _last(name: str) -> str:
+    return name.rpartition("/")[2]

@@ -1,0 +1,94 @@
+"""Looks at a running network again and again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..errors import ConfigurationError
+from ..runtime.RoboCompIntrospection import Description, Measures
+from . import asking
+from .access import Access
+from .census import take_each
+from .drift import Drift, compare, observed
+from .flows import Flow, Told, flows
+from .measure import Load, load
+from .network import Network
+
+_PATIENCE = 1.0
+"""Seconds that a component has for an answer, so that one that is stopped does not delay a look for long."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one look found."""
+
+    drift: Drift
+    told: Mapping[str, Told]
+    """By the whole name of a component."""
+    silent: frozenset[str]
+    """The whole names of components that did not answer."""
+    flows: Mapping[Any, Flow] = field(default_factory=dict)
+    plan: Mapping[str, Any] | None = None
+    troubles: tuple[str, ...] = ()
+    """What could not be looked at, and why."""
+    at: float = 0.0
+    """When, in seconds since 1970."""
+
+
+class Lookout:
+    """Rates are those between two looks; at the first, they are averages since the start of each component.
+
+    `plan` tells what the network declares, as `Plan.to_json`; None if that is not known. It may raise RobocompError.
+    For one thread.
+    """
+
+    def __init__(
+        self,
+        access: Access,
+        plan: Callable[[], Mapping[str, Any] | None],
+        middlewares: Sequence[str] = (),
+        *,
+        except_pid: int = 0,
+    ) -> None:
+        self._access, self._plan, self._middlewares = access, plan, middlewares
+        self._except = except_pid
+        self._measured: dict[str, Measures] = {}
+        self._loads: dict[str, Load] = {}
+        self._abouts: dict[str, Description | None] = {}
+
+    def look(self) -> Look:
+        """Takes about a second if a component does not answer. Raises RobocompError."""
+        plan = self._plan()
+        ends, tellers, troubles = take_each(self._middlewares)
+        network = Network([each for each in ends if each.told.pid != self._except])
+        try:
+            drift = compare(plan, network, tellers) if plan is not None else observed(network)
+        except ValueError as exc:
+            raise ConfigurationError(f"{exc}; start the network again") from exc
+        names = asking.components(network)
+        told = self._ask(network, names)
+        silent = frozenset(names) - set(told)
+        return Look(drift, told, silent, flows(drift, told), plan, tuple(troubles), time.time())
+
+    def _ask(self, network: Network, names: Sequence[str]) -> dict[str, Told]:
+        now = asking.measure_all(self._access, network, names, _PATIENCE)
+        before, loads = self._measured, self._loads
+        for name in now:
+            if name not in before or now[name].awake < before[name].awake or not self._abouts.get(name):
+                self._abouts[name] = asking.describe(self._access, network, name, _PATIENCE)
+        self._measured = now
+        self._loads = {
+            name: load(name, measures, before.get(name), self._abouts[name]) for name, measures in now.items()
+        }
+        self._abouts = {name: about for name, about in self._abouts.items() if name in now}
+        return {name: Told(each, loads.get(name), self._abouts[name]) for name, each in self._loads.items()}
+
+
+def seen_twice(lookout: Lookout, seconds: float = 1.0) -> Look:
+    """Look twice, and return the second look: its rates are those of the seconds between."""
+    lookout.look()
+    time.sleep(seconds)
+    return lookout.look()

@@ -1,0 +1,137 @@
+"""Records the topics of a running network, also those that appear later."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ...contract.interface import Pattern
+from ...errors import RobocompError
+from ...transports.base import Heard as Headed
+from ...transports.base import Link
+from ...wire.codec import Payload
+from ..access import Access
+from ..network import Channel, Network, NotUnderstood
+from .layout import Topic
+from .writer import Convert, to_cdr
+
+DEPTH = 100
+"""Messages of a topic that may wait inside of a middleware."""
+
+_LOOK = 1.0
+"""Seconds between two looks for topics that are new. A look takes at most a tenth of the time."""
+
+
+class Track(Protocol):
+    """Takes the messages of a topic, on any thread, and counts them."""
+
+    received: int
+    dropped: int
+    malformed: int
+    written: int
+
+    def put(self, payload: Payload, stamp: int = 0, sequence: int = 0) -> None: ...
+
+
+class Tracks(Protocol):
+    """What topics are recorded by, or shown by."""
+
+    def track(self, topic: Topic, convert: Convert) -> Track: ...
+
+
+@dataclass
+class Followed:
+    """A topic that is being recorded."""
+
+    channel: Channel
+    track: Track
+    link: Link
+
+    @property
+    def lost(self) -> int:
+        """Messages that publishers sent and that did not arrive here, as far as their numbers tell."""
+        stats = self.link.stats
+        return stats.lost + stats.dropped
+
+    @property
+    def unreadable(self) -> int:
+        return self.link.stats.malformed + self.link.stats.mismatched + self.track.malformed
+
+
+class Session:
+    """What is recorded now. `look` is to be called again and again."""
+
+    def __init__(
+        self,
+        recorder: Tracks,
+        access: Access,
+        census: Callable[[], Network],
+        wanted: Sequence[str],
+        tell: Callable[[str], object],
+    ) -> None:
+        """`wanted` are names as commands take them; none are all topics. `tell` gets messages for people."""
+        self._recorder, self._access, self._census, self._wanted, self._tell = recorder, access, census, wanted, tell
+        self._followed: dict[tuple[str, int], Followed] = {}
+        self._failed: set[tuple[str, str]] = set()
+        self._next = 0.0
+
+    @property
+    def followed(self) -> list[Followed]:
+        return list(self._followed.values())
+
+    def look(self) -> None:
+        """Subscribe to what is new, if it is time to look. Raises TransportError if no middleware can tell."""
+        begun = time.monotonic()
+        if begun < self._next:
+            return
+        for channel in chosen(self._census(), self._wanted):
+            self._follow(channel)
+        took = time.monotonic() - begun
+        self._next = begun + max(_LOOK, 10 * took)
+
+    def _follow(self, channel: Channel) -> None:
+        try:
+            operation = channel.operation
+            key = (channel.name, operation.fingerprint)
+            if key in self._followed:
+                return
+            self._followed[key] = self._opened(channel)
+        except NotUnderstood as exc:
+            self._complain(channel.name, str(exc))
+        except RobocompError as exc:
+            self._complain(channel.name, f"{channel.name}: {exc}")
+            return
+        else:
+            self._tell(f"{channel.name} over {channel.middlewares[0]}")
+
+    def _opened(self, channel: Channel) -> Followed:
+        middleware = channel.middlewares[0]
+        publishers = ",".join(dict.fromkeys(each.told.owner for each in channel.providers if each.told.owner))
+        topic = Topic(channel.name, channel.operation, publishers, middleware, channel.qos)
+        codec = self._access.codec(channel)
+        track = self._recorder.track(topic, to_cdr(codec, channel.operation.request))
+
+        def put(heard: Headed) -> None:
+            track.put(heard.payload, heard.stamp, heard.sequence)
+
+        return Followed(channel, track, self._access.hear(channel, put, DEPTH, headed=True).link)
+
+    def _complain(self, name: str, text: str) -> None:
+        if (name, text) not in self._failed:
+            self._failed.add((name, text))
+            self._tell(text)
+
+
+def chosen(network: Network, wanted: Sequence[str]) -> list[Channel]:
+    """The topics among these that something publishes; without names, all of them."""
+    found: dict[str, Any] = {}
+    if not wanted:
+        found = dict(network.channels)
+    for name in wanted:
+        try:
+            found |= {each.name: each for each in network.named(name)}
+        except ValueError:
+            continue  # it may appear later
+    return [each for each in found.values() if each.pattern is Pattern.PUBLISH and each.providers]

@@ -1,0 +1,220 @@
+"""What shells are told when they complete a command line, and that their scripts ask for it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli import rc, rcdeploy, rcgen
+from robocomp_py.cli.candidates import answered
+from robocomp_py.cli.completing import ASKED
+from robocomp_py.testing.patience import SOON
+from robocomp_py.transports.base import find_transport
+
+from ..runtime.test_middlewares import Station
+from ..runtime.test_run import make, running
+
+BIN = Path(sys.executable).parent
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("net.ddsl", "arm.cdsl", "notes.txt", "run.mcap", ".hidden.ddsl", "two words.ddsl"):
+        (tmp_path / name).touch()
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "leg.ddsl").touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def talker(own_runtime_folder: Path) -> Iterator[object]:
+    with running(make(Station, find_transport, "middleware=shm", name="talker")) as worker:
+        yield worker
+
+
+def completed(line: str, shell: str = "bash") -> list[str]:
+    """What a shell is told for a line with the cursor behind it."""
+    program, *words = line.split(" ")
+    finders = {
+        "rc": rc.completer,
+        "rcgen": rcgen.completer,
+        "rcdeploy": rcdeploy.completer,
+    }
+    return answered(finders[program], [line] if shell == "bash" else words, shell)
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("rc ec", ["echo"]),
+        ("rc bag m", ["mend", "merge"]),
+        ("rc echo --mi", ["--middleware"]),
+        ("rc echo x --json --js", []),
+        ("rc echo --middleware sh", ["shm"]),
+        ("rc echo --middleware=sh", ["shm"]),
+        ("rc bag cut run --compress ", ["none", "lz4", "zstd"]),
+        ("rc log wander wa", ["warning"]),
+        ("rc graph n", ["net.ddsl"]),
+        ("rc graph parts/", ["parts/leg.ddsl"]),
+        ("rc graph a", []),
+        ("rc graph .h", [".hidden.ddsl"]),
+        ("rc graph nowhere/", []),
+        ("rc bag info ", ["parts/", "run.mcap"]),
+        ("rc graph tw", ["two words.ddsl"]),
+        ("rc graph two\\ w", ["two words.ddsl"]),
+        ("rc graph 'two w", ["two words.ddsl"]),
+        ("rc completion ", ["bash", "zsh", "fish"]),
+        ("rc lint -I p", ["parts/"]),
+        ("rcgen ", ["arm.cdsl", "net.ddsl", "parts/", "two words.ddsl"]),
+        ("rcgen --to omg", ["omgidl"]),
+        ("rcdeploy st", ["status"]),
+        ("rcdeploy net", ["net.ddsl"]),
+        ("rcdeploy net.ddsl --det", ["--detach"]),
+        ("rcdeploy logs net.ddsl --gr", ["--grep"]),
+        ("rcdeploy export sys", ["systemd"]),
+    ],
+)
+def test_what_fits_is_found(line: str, found: list[str], files: Path) -> None:
+    assert completed(line) == found
+
+
+def test_the_first_word_of_rcdeploy_is_a_command_or_a_network(files: Path) -> None:
+    assert {"up", "down", "net.ddsl", "parts/"} <= set(completed("rcdeploy "))
+    assert completed("rcdeploy net.ddsl u") == []
+
+
+def test_commands_of_rc_have_their_help() -> None:
+    assert completed("rc hz", "fish") == [f"hz\t{rc.module('hz').HELP}"]
+    assert completed("rc echo --fu", "zsh") == ["--full\tprint long sequences whole"]
+
+
+def test_names_of_what_runs_are_found(talker: object) -> None:
+    assert completed("rc echo ") == ["talker/Everything/news"]
+    assert completed("rc echo Ev") == ["Everything/news"]
+    assert completed("rc echo ne") == ["news"]
+    assert "talker/Everything/divide" in completed("rc call talker/E")
+    assert "talker/Everything/news" not in completed("rc call talker/E")
+    assert "talker/CommonBehavior/getState" in completed("rc call talker/CommonBehavior")
+    assert completed("rc param list t") == ["talker"]
+    assert completed("rc action cancel ") == []
+
+
+def test_nothing_is_found_for_what_cannot_be_known(talker: object) -> None:
+    assert completed("rc call divide ") == []
+    assert completed("rc echo -- t") == ["talker/Everything/news"]
+
+
+def test_names_of_networks_that_run_are_found(own_runtime_folder: Path, files: Path) -> None:
+    from robocomp_py.deploy.place import Place
+
+    place = Place("rescue")
+    place.take()
+    try:
+        assert completed("rcdeploy status re") == ["rescue"]
+    finally:
+        place.release()
+    assert completed("rcdeploy status re") == []
+
+
+def asked(shell: str, program: str, *words: str) -> list[str]:
+    made = subprocess.run(
+        [BIN / program, *words], env=os.environ | {ASKED: shell}, capture_output=True, text=True, check=True
+    )
+    return made.stdout.splitlines()
+
+
+def test_programs_answer_a_shell() -> None:
+    assert asked("bash", "rc", "rc echo --mi") == ["--middleware"]
+    assert asked("fish", "rcdeploy", "sta") == ["status\tshow the state of a running network"]
+    assert asked("zsh", "rcgen", "--stu") == ["--stubs\tappend what specificworker.py lacks to its class"]
+
+
+def in_bash(line: str) -> list[str]:
+    """The replies of the function that the script has bash call."""
+    words = f"""\
+        PATH={BIN}:$PATH
+        eval "$(rc completion bash)"
+        compopt() {{ :; }}   # there is no completion going on, whose options it could change
+        COMP_LINE='{line}' COMP_POINT={len(line)}
+        _robocomp {line.split()[0]}
+        printf '%s\\n' "${{COMPREPLY[@]}}"
+    """
+    made = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=True)
+    assert made.stderr == ""
+    return made.stdout.splitlines()
+
+
+def test_bash_completes(files: Path) -> None:
+    assert in_bash("rc bag me") == ["mend", "merge"]
+    assert in_bash("rc graph tw") == ["two\\ words.ddsl"]
+    assert in_bash("rcgen --stu") == ["--stubs"]
+    assert in_bash("rc echo --middleware=sh") == ["shm"]
+
+
+@pytest.mark.tool
+def test_fish_completes(files: Path, tmp_path: Path) -> None:
+    words = f"set -x PATH {BIN} $PATH; rc completion fish | source; complete -C 'rc bag me'; complete -C 'rcgen --stu'"
+    home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path), "XDG_DATA_HOME": str(tmp_path)}
+    made = subprocess.run(
+        ["fish", "--no-config", "-c", words], env=os.environ | home, capture_output=True, text=True, check=True
+    )
+    assert [line.partition("\t")[0] for line in made.stdout.splitlines()] == ["mend", "merge", "--stubs"]
+
+
+@pytest.mark.tool
+def test_zsh_completes(files: Path, tmp_path: Path) -> None:
+    with Terminal("zsh", "-f", "-i", home=tmp_path) as shell:
+        shell.type(f"PS1='$ '; PATH={BIN}:$PATH; autoload -U compinit; compinit -u -D\n")
+        shell.type('eval "$(rc completion zsh)"; echo rea""dy\n')
+        shell.wait_for("ready")
+        shell.type("rc graph ne\t")
+        shell.wait_for("n.*e.*t.ddsl")
+        shell.type("\x15rc bag me\t\t")
+        shell.wait_for("merge +-- make one recording")
+
+
+class Terminal:
+    """An interactive program in a terminal."""
+
+    def __init__(self, *command: str, home: Path) -> None:
+        self._command, self._home = command, home
+        self._seen = ""
+
+    def __enter__(self) -> Terminal:
+        ours, theirs = pty.openpty()
+        self._ours = ours
+        self._process = subprocess.Popen(
+            self._command,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            start_new_session=True,
+            env=os.environ | {"HOME": str(self._home), "ZDOTDIR": str(self._home), "TERM": "dumb"},
+        )
+        os.close(theirs)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        os.close(self._ours)
+
+    def type(self, text: str) -> None:
+        os.write(self._ours, text.encode())
+
+    def wait_for(self, pattern: str) -> None:
+        while not re.search(pattern, self._seen):
+            readable, _, _ = select.select([self._ours], [], [], SOON)
+            assert readable, self._seen
+            self._seen += os.read(self._ours, 65536).decode(errors="replace")
+        self._seen = ""

@@ -1,0 +1,122 @@
+"""InnerModel files: what is read, with its place, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.innermodel.nodes import TAGS
+from robocomp_py.innermodel.read import MOST_BYTES, Model, every, read
+
+
+def written(folder: Path, text: str | bytes, name: str = "house.xml") -> Path:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def model(folder: Path, inner: str) -> Model:
+    return read(written(folder, f"<innerModel>\n{inner}\n</innerModel>"))
+
+
+def test_every_tag_is_read_without_its_optional_attributes(tmp_path: Path) -> None:
+    tags = [name for name in TAGS if name not in ("innermodel", "include", "laser")]
+    found = model(tmp_path, "".join(f'<{name} id="{name}"/>' for name in tags))
+    assert found.problems == ()
+    assert [each.tag.name for each in found.elements] == tags
+
+
+def test_every_attribute_of_every_tag_is_read(tmp_path: Path) -> None:
+    for tag in TAGS.values():
+        texts = " ".join(
+            f'{each.name}="{each.default if each.kind.value.startswith("`") else 1}"'
+            for each in tag.attributes.values()
+        )
+        if tag.name not in ("innermodel", "include"):
+            assert model(tmp_path, f"<{tag.name} {texts}/>").problems == ()
+
+
+def test_the_case_of_tags_does_not_matter(tmp_path: Path) -> None:
+    found = model(tmp_path, '<Transform id="a"><JOINT id="b"/></Transform>')
+    assert [each.id for each in every(found.elements)] == ["a", "b"]
+
+
+def test_missing_values_have_defaults(tmp_path: Path) -> None:
+    (joint,) = model(tmp_path, '<joint id="elbow" rx="0.5"/>').elements
+    assert joint.values["axis"] == "z"
+    assert (joint.values["min"], joint.values["max"]) == (-math.inf, math.inf)
+    assert joint.written == {"id": "elbow", "rx": 0.5}
+
+
+def test_nodes_of_included_files_stand_where_they_are_included(tmp_path: Path) -> None:
+    written(tmp_path, '<innerModel><mesh id="cup" file="cup.obj"/></innerModel>', "cup.xml")
+    found = model(tmp_path, '<transform id="table"><include path="cup.xml"/><imu id="imu"/></transform>')
+    assert [each.id for each in found.elements[0].children] == ["cup", "imu"]
+    assert [each.path.name for each in found.documents] == ["house.xml", "cup.xml"]
+
+
+def test_an_absolute_path_of_another_machine_is_mapped(tmp_path: Path) -> None:
+    (tmp_path / "files").mkdir()
+    written(tmp_path / "files", '<innerModel><imu id="imu"/></innerModel>', "robot.xml")
+    house = written(tmp_path, '<innerModel><include path="/home/robot/files/robot.xml"/></innerModel>')
+    found = read(house, prefixes={"/home/robot": tmp_path})
+    assert [each.id for each in found.elements] == ["imu"]
+    assert [each.code for each in read(house).problems] == ["missing-include"]
+
+
+def test_an_id_of_an_included_file_is_not_used_again(tmp_path: Path) -> None:
+    written(tmp_path, '<innerModel>\n<imu id="imu"/></innerModel>', "robot.xml")
+    (problem,) = model(tmp_path, '<imu id="imu"/>\n<include path="robot.xml"/>').errors
+    assert (problem.code, problem.place.path.name, problem.place.line) == ("repeated-id", "robot.xml", 2)
+    assert [place.path.name for _, place in problem.related] == ["house.xml"]
+
+
+def test_children_of_an_unknown_tag_are_checked_too(tmp_path: Path) -> None:
+    codes = [each.code for each in model(tmp_path, '<body id="a"><jont id="b"/><imu/></body>').errors]
+    assert codes == ["unknown-tag", "unknown-tag", "missing-id"]
+
+
+def test_a_place_is_that_of_the_value_in_characters(tmp_path: Path) -> None:
+    (problem,) = model(tmp_path, '  <!-- tête --> <joint id="é" axis="w"/>').errors
+    assert str(problem.place) == f"{tmp_path}/house.xml:2:37"
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "message"),
+    [
+        (b"", "syntax", "no element found"),
+        (b"<innerModel>", "syntax", "no element found"),
+        (b"<innerModel><joint id='a'></innerModel>", "syntax", "mismatched tag"),
+        ("<innerModel/>".encode("utf-16"), "not-utf8", "UTF-16"),
+        (b"<innerModel>\xe9</innerModel>", "syntax", "not well-formed"),
+        (b"<!DOCTYPE a [<!ENTITY b 'c'>]><innerModel/>", "syntax", "DOCTYPE"),
+        (b"<innerModel><imu id='a' id='b'/></innerModel>", "syntax", "duplicate attribute"),
+        (b"<innerModel><imu id='a\x01'/></innerModel>", "syntax", "not well-formed"),
+        (b"<innerModel><imu id='&#9;'/></innerModel>", "missing-id", "has no `id`"),
+        (b"<innerModel>" + b" " * MOST_BYTES + b"</innerModel>", "too-large", "4 MB"),
+        (b"<innerModel>" + b"<transform id='a'>" * 300 + b"</innerModel>", "too-deep", "200 deep"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_reason(tmp_path: Path, data: bytes, code: str, message: str) -> None:
+    problems = read(written(tmp_path, data)).errors
+    assert [each.code for each in problems] == [code]
+    assert message in problems[0].message
+
+
+def test_a_file_that_is_not_there_is_a_problem_not_an_error_of_python(tmp_path: Path) -> None:
+    assert [each.code for each in read(tmp_path / "absent.xml").problems] == ["unreadable"]
+    assert [each.code for each in read(tmp_path).problems] == ["unreadable"]
+
+
+def test_two_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
+    written(tmp_path, '<innerModel><include path="house.xml"/></innerModel>', "other.xml")
+    (problem,) = model(tmp_path, '<include path="other.xml"/>').errors
+    assert (problem.code, problem.place.path.name) == ("cyclic-include", "other.xml")
+
+
+def test_a_long_chain_of_includes_is_refused(tmp_path: Path) -> None:
+    for number in range(40):
+        written(tmp_path, f'<innerModel><include path="{number + 1}.xml"/></innerModel>', f"{number}.xml")
+    assert [each.code for each in read(tmp_path / "0.xml").problems] == ["too-deep"]

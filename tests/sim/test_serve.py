@@ -1,0 +1,211 @@
+"""A component that simulates a scene: what it provides, and what its clients see."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.testing.components import ComponentTest, load_component
+
+SCENE = """\
+<innerModel>
+  <transform id="world">
+    <plane id="east" px="2005" nx="1" size="9000,2000,10"/>
+    <differentialrobot id="base" tx="500">
+      <translation id="mount" ty="300"><laser id="front" measures="2" angle="3.1415926535" max="5000"/></translation>
+    </differentialrobot>
+    <omnirobot id="chair" tx="-2000"/>
+    <translation id="pole" ty="300"><laser id="still" measures="1" angle="0" min="10" max="5000"/></translation>
+    <laser id="off"/>
+  </transform>
+</innerModel>
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "room.xml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture
+def house(scene: Path) -> Iterator[ComponentTest]:
+    assert rc(["sim", "new", str(scene), "-o", str(scene.parent / "house")]) == 0
+    with ComponentTest(load_component(scene.parent / "house"), virtual=True) as component:
+        yield component
+    assert component.fine
+
+
+def call(house: ComponentTest, name: str, interface: str, operation: str, *arguments: object) -> object:
+    handler = getattr(house.worker, interface.lower())[name]
+    return getattr(handler, operation)(*arguments)
+
+
+def test_every_device_is_an_instance(house: ComponentTest) -> None:
+    worker = house.worker
+    assert list(worker.laser) == list(worker.laserpub) == ["front", "still"]
+    assert list(worker.differentialrobot) == ["base"]
+    assert list(worker.omnirobot) == ["chair"]
+
+
+def test_a_laser_is_asked(house: ComponentTest) -> None:
+    right, ahead = call(house, "front", "Laser", "getLaserData")  # type: ignore[misc]
+    assert (right.angle, right.dist) == pytest.approx((math.pi / 2, 1500))
+    assert (ahead.angle, ahead.dist) == pytest.approx((0, 5000), abs=1e-6)
+    scan, state = call(house, "front", "Laser", "getLaserAndBStateData")  # type: ignore[misc]
+    assert (len(scan), state.x) == (2, 500)
+    assert call(house, "still", "Laser", "getLaserAndBStateData")[1].x == 0  # type: ignore[index]
+    said = call(house, "front", "Laser", "getLaserConfData")
+    assert (said.maxMeasures, said.maxDegrees, said.maxRange) == (2, 180, 5000)  # type: ignore[attr-defined]
+
+
+def test_a_base_is_driven(house: ComponentTest) -> None:
+    call(house, "base", "DifferentialRobot", "setSpeedBase", 100.0, 0.0)
+    call(house, "chair", "OmniRobot", "setSpeedBase", 60.0, 30.0, 0.0)
+    began = house.worker.world.time
+    house.wait_for_computes(11)
+    passed = house.worker.world.time - began
+    assert 0 < passed < 1
+    state = call(house, "base", "DifferentialRobot", "getBaseState")
+    assert (state.x, state.z, state.advVz, state.isMoving) == pytest.approx((500, 100 * passed, 100, True))  # type: ignore[attr-defined]
+    pose = call(house, "chair", "OmniRobot", "getBasePose")
+    assert pose == pytest.approx((-2000 + 60 * passed, 30 * passed, 0), abs=0.6)
+    call(house, "base", "DifferentialRobot", "stopBase")
+    call(house, "base", "DifferentialRobot", "setOdometerPose", 10, 20, 0.5)
+    assert call(house, "base", "DifferentialRobot", "getBasePose") == (10, 20, 0.5)
+    call(house, "base", "DifferentialRobot", "correctOdometer", 30, 40, 0.25)
+    state = call(house, "base", "DifferentialRobot", "getBaseState")
+    assert (state.x, state.correctedX, state.correctedAlpha) == (10, 30, 0.25)  # type: ignore[attr-defined]
+    call(house, "chair", "OmniRobot", "stopBase")
+    call(house, "chair", "OmniRobot", "setOdometer", state)
+    assert call(house, "chair", "OmniRobot", "getBaseState") == state
+    call(house, "base", "DifferentialRobot", "resetOdometer")
+    assert call(house, "base", "DifferentialRobot", "getBasePose") == (0, 0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("operation", "arguments"),
+    [
+        ("setSpeedBase", (math.nan, 0.0)),
+        ("setSpeedBase", (0.0, math.inf)),
+        ("setSpeedBase", (3e38, 0.0)),
+        ("setOdometerPose", (2**31 - 1, 0, 0.0)),
+        ("setOdometerPose", (0, 0, math.nan)),
+        ("correctOdometer", (0, 0, -math.inf)),
+    ],
+)
+def test_a_number_that_is_not_finite_is_refused_by_its_interface(
+    operation: str, arguments: tuple[float, ...], house: ComponentTest
+) -> None:
+    with pytest.raises(Exception, match=r"(nan|inf|e\+\d+) is no") as refused:
+        call(house, "base", "DifferentialRobot", operation, *arguments)
+    assert type(refused.value).__name__ == "HardwareFailedException"
+
+
+def test_a_state_that_is_refused_changes_nothing(house: ComponentTest) -> None:
+    state = call(house, "base", "DifferentialRobot", "getBaseState")
+    wrong = dataclasses.replace(state, x=1.0, correctedX=math.nan)  # type: ignore[type-var]
+    with pytest.raises(Exception, match="nan is no pose"):
+        call(house, "base", "DifferentialRobot", "setOdometer", wrong)
+    assert call(house, "base", "DifferentialRobot", "getBaseState") == state
+
+
+def test_a_base_that_goes_on_for_ever_stops_where_messages_cannot_carry_its_place(house: ComponentTest) -> None:
+    call(house, "base", "DifferentialRobot", "setOdometerPose", 10**9, 0, math.pi / 2)
+    for _ in range(2):
+        call(house, "base", "DifferentialRobot", "setSpeedBase", 1e9, 0.0)
+        house.wait_for_computes(11)
+    x, _, _ = call(house, "base", "DifferentialRobot", "getBasePose")  # type: ignore[misc]
+    assert 10**9 < x < 2**31
+    assert not call(house, "base", "DifferentialRobot", "getBaseState").isMoving  # type: ignore[attr-defined]
+
+
+def test_without_mujoco_the_extra_is_named(scene: Path) -> None:
+    code = "import sys; sys.modules['mujoco'] = None; import robocomp_py.sim.serve.simulator"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "a scene needs MuJoCo: pip install 'robocomp-py[sim]'" in said.stderr
+
+
+def test_records_are_filled_as_lists_are(scene: Path) -> None:
+    """A component with an IDSL of its own: the scan is an array of records, and one field has another name."""
+    folder = scene.parent
+    assert rc(["sim", "new", str(scene), "-o", str(folder / "house")]) == 0
+    (folder / "house" / "Laser.idsl").write_text(
+        """
+        module RoboCompLaser
+        {
+            struct LaserConfData { int maxRange; int colour; };
+            struct TData { float angle; float dist; float light; };
+            [records] sequence<TData> TLaserData;
+            struct State { float x; };
+            interface Laser
+            {
+                TLaserData getLaserData();
+                TLaserData getLaserAndBStateData(out State bState);
+                LaserConfData getLaserConfData();
+            };
+        };
+        """
+    )
+    cdsl = folder / "house" / "house.cdsl"
+    cdsl.write_text(
+        cdsl.read_text().replace('import "LaserPub.idsl";', "").replace(", LaserPub each qos(sensor_data)", "")
+    )
+
+    assert rcgen([str(cdsl)]) == 0
+    with ComponentTest(load_component(folder / "house"), virtual=True) as house:
+        scan = call(house, "front", "Laser", "getLaserData")
+        assert scan.dtype.names == ("angle", "dist", "light")  # type: ignore[attr-defined]
+        assert scan["dist"].tolist() == pytest.approx([1500, 5000])  # type: ignore[index]
+        said = call(house, "front", "Laser", "getLaserConfData")
+        assert (said.maxRange, said.colour) == (5000, 0)  # type: ignore[attr-defined]
+    assert house.fine
+
+
+def test_offers_are_printed(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc(["sim", "offers", str(scene), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "base": ["DifferentialRobot", "DifferentialRobotPub"],
+        "front": ["Laser", "LaserPub"],
+        "chair": ["OmniRobot"],
+        "still": ["Laser", "LaserPub"],
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "folder", "said"),
+    [
+        ('<innerModel><lazer id="a"/></innerModel>', "house", "unknown tag"),
+        ('<innerModel><transform id="a"/></innerModel>', "house", "no device that can be provided"),
+        (SCENE.replace('"front"', '"front laser"'), "house", "`front laser`: the id of a device names an instance"),
+        (SCENE, "two words", "is not a component name"),
+        (SCENE, "class", "is a Python keyword"),
+        (SCENE, "numpy", "has the name of a library"),
+        (SCENE, "full", "exists and is not an empty folder"),
+    ],
+)
+def test_a_component_that_cannot_be_is_refused(
+    text: str, folder: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(text)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "diary.txt").touch()
+    assert rc(["sim", "new", str(path), "-o", str(tmp_path / folder)]) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / folder / "specificworker.py").exists()
+
+
+def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc(["sim", "offers", str(tmp_path / "none.xml")]) == 1
+    assert "there is no such file" in capsys.readouterr().err

@@ -1,0 +1,32 @@
+// Drives a browser by lines of JSON: {"open": URL}, {"wait": JS}, {"press": KEY}, {"width": PIXELS}, {"requests": true}.
+// Each is answered by a line of JSON. Ends with its input.
+import { createInterface } from "node:readline";
+import puppeteer from "puppeteer-core";
+
+const browser = await puppeteer.launch({
+  executablePath: process.argv[2],
+  args: ["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--disable-background-networking"],
+});
+const page = await browser.newPage();
+const requests = [], complaints = [];
+page.on("request", each => requests.push(each.url()));
+page.on("pageerror", each => complaints.push(String(each)));
+page.on("console", each => { if (each.type() === "error") complaints.push(each.text()); });
+
+const steps = {
+  open: async url => (await page.goto(url, { waitUntil: "domcontentloaded" })).status(),
+  wait: async script => (await page.waitForFunction(script, { timeout: 60000, polling: 50 })).jsonValue(),
+  press: async key => page.keyboard.press(key),
+  width: async pixels => page.setViewport({ width: pixels, height: 700 }),
+  requests: async () => requests,
+  complaints: async () => complaints,
+  picture: async path => page.screenshot({ path }).then(() => null),
+};
+try {
+  for await (const line of createInterface({ input: process.stdin })) {
+    const [[step, argument]] = Object.entries(JSON.parse(line));
+    console.log(JSON.stringify((await steps[step](argument)) ?? null));
+  }
+} finally {
+  await browser.close();
+}

@@ -1,0 +1,180 @@
+"""The page of `rc monitor` in Chromium, beside a network whose processes are killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.testing.patience import SOON
+
+HERE = Path(__file__).parent
+
+FILES = {
+    "Tick.idsl": """\
+module Ticks { interface TickPub { void tick(int number); }; interface Ask { int next(int number); }; };
+""",
+    "clockwork/clockwork.cdsl": """\
+import "../Tick.idsl";
+Component clockwork { Communications { publishes TickPub; implements Ask; }; language python; };
+""",
+    "hearer/hearer.cdsl": """\
+import "../Tick.idsl";
+Component hearer { Communications { subscribesTo TickPub; requires Ask; }; language python; };
+""",
+    "net.ddsl": """\
+import "clockwork/clockwork.cdsl";
+import "hearer/hearer.cdsl";
+Deployment ticking { Component clockwork : clockwork { }; Component hearer : hearer { }; };
+""",
+    "clockwork/specificworker.py": """\
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    def compute(self) -> None:
+        self.tickpub_proxy.tick(1)
+
+    def Ask_next(self, number: int) -> int:
+        return number + 1
+""",
+    "hearer/specificworker.py": """\
+from .generic.genericworker import GenericWorker
+
+
+class SpecificWorker(GenericWorker):
+    def compute(self) -> None:
+        self.ask_proxy.next(1)
+
+    def TickPub_tick(self, number: int) -> None:
+        pass
+""",
+}
+
+
+@contextmanager
+def started(folder: Path, *command: str, **more: Any) -> Iterator[subprocess.Popen[str]]:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    with subprocess.Popen(command, cwd=folder, env=os.environ | {"PATH": path}, text=True, **more) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(SOON)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def component(folder: Path, name: str) -> Any:
+    return started(folder, "rc", "run", name)
+
+
+class Browser:
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+
+    def __call__(self, **step: Any) -> Any:
+        assert self._process.stdin
+        assert self._process.stdout
+        self._process.stdin.write(json.dumps(step) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        assert line, f"the browser ended at {step}"
+        return json.loads(line)
+
+    def text_of(self, row: str, column: str) -> str:
+        """A script: the text of a cell in the first row of that name; "" if there is none."""
+        return (
+            f"[...document.querySelectorAll('tbody tr')].filter(row => row.cells[0].textContent === {row!r})"
+            f".map(row => [...row.cells].find(cell => cell.dataset.label === {column!r})?.textContent)[0]"
+        )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    with started(tmp_path, "rcgen", "net.ddsl", "--middleware", "zeromq", stdout=subprocess.DEVNULL) as generating:
+        assert generating.wait(SOON * 5) == 0
+    browser = tmp_path / "browser"
+    browser.mkdir()
+    for name in ("package.json", "package-lock.json", ".npmrc", "browser.mjs"):
+        shutil.copy(HERE / name, browser)
+    with started(browser, "npm", "ci", "--silent") as installing:
+        assert installing.wait(SOON * 10) == 0
+    return tmp_path
+
+
+@contextmanager
+def opened(folder: Path) -> Iterator[Browser]:
+    """The page of a monitor of the network."""
+    chromium = shutil.which("chromium")
+    assert chromium, "install chromium"
+    piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with (
+        started(folder, "rc", "monitor", "net.ddsl", "--every", "0.3", stdout=subprocess.PIPE) as monitor,
+        started(folder / "browser", "node", "browser.mjs", chromium, **piped) as driver,
+    ):
+        assert monitor.stdout
+        browser = Browser(driver)
+        assert browser(open=monitor.stdout.readline().strip()) == 200
+        yield browser
+        assert driver.stdin
+        driver.stdin.close()
+        driver.wait(SOON)
+
+
+@pytest.mark.tool
+@pytest.mark.timeout(600)
+def test_the_page_follows_what_runs(folder: Path) -> None:
+    with opened(folder) as browser:
+        browser(wait="document.querySelectorAll('#picture rect.missing').length === 2")
+        with component(folder, "clockwork") as clockwork, component(folder, "hearer"):
+            browser(wait="document.querySelectorAll('#picture rect.missing').length === 0")
+            # rates and durations of a topic and of a query
+            for row in ("TickPub/tick", "Ask/next"):
+                browser(wait=f"parseFloat({browser.text_of(row, 'per s')}) > 0")
+                browser(wait=f"parseFloat({browser.text_of(row, 'p99 ms')}) > 0")
+            texts = "[...document.querySelectorAll('#picture text.figures')].map(each => each.textContent).join()"
+            before = browser(wait=texts)
+            browser(wait=f"{texts} !== {json.dumps(before)}")
+            # a process is killed
+            clockwork.kill()
+            browser(wait=f"{browser.text_of('clockwork', 'state')} === 'missing'")
+            shape = "document.querySelector('#picture rect.missing')"
+            assert browser(wait=f"{shape} && {shape}.querySelector('title').textContent") == "clockwork"
+            assert browser(wait=f"getComputedStyle({shape}).stroke") == "rgb(224, 0, 43)"
+        assert browser(complaints=True) == []
+        own = browser(wait="location.origin + '/'")
+        asked = browser(requests=True)
+    assert asked
+    assert all(each.startswith((own, "data:")) for each in asked)
+
+
+@pytest.mark.tool
+@pytest.mark.timeout(600)
+def test_the_page_is_of_use_on_a_narrow_screen_and_by_keyboard(folder: Path) -> None:
+    with opened(folder) as browser:
+        browser(width=320)
+        browser(wait="document.querySelectorAll('#connections tbody tr').length === 2")
+        assert browser(wait="[document.documentElement.scrollWidth]") == [320]
+        reached = []
+        for _ in range(8):
+            browser(press="Tab")
+            reached += [browser(wait="document.activeElement.id || document.activeElement.textContent")]
+        assert reached[:4] == ["zoom", "filter", "wrong", "picture"]
+        assert reached[4:] == ["clockwork", "hearer", *reached[6:]]
+        assert set(reached[6:]) == {"TickPub/tick", "Ask/next"}
+        browser(press="Enter")  # shows the connection in the picture
+        browser(wait="document.querySelectorAll('#picture path.chosen').length === 1")
+        assert browser(wait="[getComputedStyle(document.activeElement).outlineStyle]") == ["solid"]

@@ -1,0 +1,191 @@
+"""`rc record` and `rc bag`, against components that run."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from robocomp_py.cli import rc
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.tools.access import Access
+from robocomp_py.tools.census import take_census
+from robocomp_py.tools.recording.bag import Options
+from robocomp_py.tools.recording.reader import Recording, values_by_topic
+from robocomp_py.tools.recording.session import Session
+from robocomp_py.tools.recording.writer import Recorder
+from robocomp_py.transports.base import find_transport
+
+from ...runtime.test_run import make, running
+from ..test_commands import TELLERS, Talker
+from .test_recorder import filled, numbers_in
+
+CHANNEL = "talker/Everything/news"
+
+
+@pytest.fixture(params=TELLERS)
+def talker(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Something that publishes, and the middleware over which it does."""
+    with running(make(Talker, find_transport, f"middleware={request.param}", name="talker")):
+        wait_until(lambda: CHANNEL in take_census([request.param]).channels)
+        yield request.param
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 0) -> str:
+    assert rc.main([str(each) for each in arguments]) == code, capsys.readouterr()
+    return capsys.readouterr().out
+
+
+def complained(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 1) -> str:
+    assert rc.main([str(each) for each in arguments]) == code, capsys.readouterr()
+    return capsys.readouterr().err
+
+
+def test_a_topic_is_recorded_and_read_by_us_and_by_ros(
+    talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = json.loads(said(capsys, "record", "news", "--for", "0.7", "-o", tmp_path / "run", "--json"))
+    (topic,) = told["topics"]
+    assert (topic["channel"], topic["lost"], topic["dropped"], topic["unreadable"]) == (CHANNEL, 0, 0, 0)
+    with Recording(tmp_path / "run") as recording:
+        messages = list(recording.messages())
+        values = [values_by_topic(recording)(each) for each in messages]
+        assert recording.topics[CHANNEL].publisher == "talker"
+        assert recording.topics[CHANNEL].middleware == talker
+    assert len(messages) == topic["messages"] > 0
+    first, sequence = values[0][0], messages[0].sequence
+    assert values == [(first + n, "hello") for n in range(len(values))]
+    assert [each.sequence for each in messages] == list(range(sequence, sequence + len(values)))
+    assert all(0 <= each.log_time - each.publish_time < 60e9 for each in messages)
+    with AnyReader([tmp_path / "run"], default_typestore=get_typestore(Stores.EMPTY)) as reader:
+        found = [reader.deserialize(raw, each.msgtype).number for each, _, raw in reader.messages()]
+    assert found == [number for number, _ in values]
+
+
+def test_a_topic_that_appears_later_is_recorded(tmp_path: Path) -> None:
+    told: list[str] = []
+    with Recorder(tmp_path / "run") as recorder, Access() as access:
+        session = Session(recorder, access, lambda: take_census(["shm"]), ["news"], told.append)
+        session.look()
+        assert session.followed == []
+        with running(make(Talker, find_transport, "middleware=shm", name="talker")):
+            wait_until(lambda: session.look() or any(each.track.written for each in session.followed))
+    assert told == [f"{CHANNEL} over shm"]
+    assert numbers_in(tmp_path / "run")
+
+
+def test_a_recording_without_topics_ends(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = complained(capsys, "record", "elephant", "--timeout", "0.1", "-o", tmp_path / "run")
+    assert "rc record: nothing publishes `elephant`; `rc list --topics` shows all topics" in told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_what_an_ended_recorder_has_written_is_there(
+    number: signal.Signals, talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = [sys.executable, "-m", "robocomp_py.cli.rc", "record", "-o", str(tmp_path / "run")]
+    recorder = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    file = tmp_path / "run" / "run_0.mcap"
+    wait_until(lambda: file.exists() and file.stat().st_size > 1500)
+    recorder.send_signal(number)
+    out, _ = recorder.communicate()
+    if number == signal.SIGINT:
+        assert recorder.returncode == 130
+        assert re.search(r"run: [1-9]\d* messages of 1 topic", out)
+        assert numbers_in(tmp_path / "run")
+        return
+    assert "`rc bag mend` makes a readable copy" in complained(capsys, "bag", "info", tmp_path / "run")
+    assert "messages saved; it had no end" in said(capsys, "bag", "mend", tmp_path / "run", "-o", tmp_path / "whole")
+    numbers = numbers_in(tmp_path / "whole")
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "why"),
+    [
+        (("record", "--keep", "3"), 2, "--keep needs --split, as in `--split 1GB --keep 10`"),
+        (("record", "-o", "."), 2, "is there already; choose another folder with -o"),
+        (("bag", "info", "nowhere"), 1, "nowhere: no such file or folder"),
+        (("bag", "cut", "run", "-o", "part", "--only", "nws"), 1, "`nws` is not in it; did you mean `News`?"),
+        (("bag", "cut", "run", "-o", "run"), 2, "run is there already; choose another folder with -o"),
+        (("bag", "merge", "run", "nowhere", "-o", "both"), 1, "nowhere: no such file or folder"),
+    ],
+)
+def test_what_is_wrong_is_told(
+    arguments: tuple[str, ...],
+    code: int,
+    why: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    filled(tmp_path / "run", Options(), 2)
+    assert why in complained(capsys, *arguments, code=code)
+
+
+@pytest.mark.parametrize("text", ["1", "GB", "0s", "1TB", "-1GB", "1e3s"])
+def test_a_wrong_size_is_usage(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        rc.main(["record", f"--split={text}"])
+    assert ended.value.code == 2
+    assert "is neither a size nor a time" in capsys.readouterr().err
+
+
+# Of recordings that are there.
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """Six messages, a second apart."""
+    return filled(tmp_path / "run", Options(), 6)
+
+
+def test_a_recording_is_described(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = said(capsys, "bag", "info", run)
+    assert re.search(r"run: 1 file, .* kB, 6 messages, 5.0 s", shown)
+    assert re.search(r"hall/News/told +6 +1.0 Hz +house/msg/NewsTold +hall +shm", shown)
+    described = json.loads(said(capsys, "bag", "info", run, "--json"))
+    assert (described["start"], described["end"], described["topics"][0]["messages"]) == (0, 5 * 10**9, 6)
+
+
+def test_a_part_is_cut_out(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cut = ("--start", 2, "--for", 3, "--only", "News", "--compress", "zstd")
+    said(capsys, "bag", "cut", run, "-o", tmp_path / "part", *cut)
+    assert numbers_in(tmp_path / "part") == [2, 3, 4]
+
+
+def test_recordings_are_merged_in_the_order_of_their_times(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said(capsys, "bag", "cut", run, "-o", tmp_path / "late", "--start", 3)
+    said(capsys, "bag", "merge", tmp_path / "late", run, "-o", tmp_path / "both")
+    assert numbers_in(tmp_path / "both") == [0, 1, 2, 3, 3, 4, 4, 5, 5]
+
+
+def test_names_of_types_are_converted(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said(capsys, "bag", "convert", run, "--to", "omgidl", "-o", tmp_path / "named")
+    with Recording(tmp_path / "named") as recording:
+        (topic,) = recording.topics.values()
+    assert (topic.type, topic.schema_encoding) == ("House::NewsTold", "omgidl")
+    said(capsys, "bag", "convert", tmp_path / "named", "--to", "ros2msg", "-o", tmp_path / "back")
+    assert numbers_in(tmp_path / "back") == list(range(6))
+
+
+def test_a_table_is_written(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said(capsys, "bag", "convert", run, "--to", "csv", "-o", tmp_path / "tables")
+    with open(tmp_path / "tables" / "hall.News.told.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["log_time", "publish_time", "sequence", "number", "text"]
+    assert rows[3] == ["2000000000", "1999999995", "3", "2", "hello"]
+    assert len(rows) == 7

@@ -1,0 +1,89 @@
+"""The difference between what a network declares and what runs, per component, topic and query."""
+
+from __future__ import annotations
+
+import pytest
+
+from robocomp_py.tools.drift import Presence, compare
+from robocomp_py.tools.network import Network
+
+from .test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan, way
+
+
+def presences(*ends, of=None, tellers=None):  # type: ignore[no-untyped-def]
+    """The presence of each instance, and of each use."""
+    drift = compare(of or plan(DIVIDE, HEARD), Network(ends), tellers)
+    return (
+        {each.name: each.presence for each in drift.instances},
+        {(each.client, each.channel, each.provider): each.presence for each in drift.uses},
+    )
+
+
+CALLED, LISTENED = ("hand", "world/Everything/divide", "world"), ("eye", "world/Everything/news", "world")
+
+
+def test_what_runs_as_it_is_declared_is_present() -> None:
+    instances, uses = presences(WORLD, HAND, NEWS, EYE, *THERE)
+    assert set(instances.values()) == {Presence.PRESENT}
+    assert uses == {CALLED: Presence.PRESENT, LISTENED: Presence.PRESENT}
+
+
+def test_a_use_is_a_topic_or_a_query() -> None:
+    assert [each.is_topic for each in compare(plan(DIVIDE, HEARD), Network(())).uses] == [False, True]
+
+
+def test_an_instance_that_does_not_run_is_missing_with_all_its_uses() -> None:
+    instances, uses = presences(HAND, EYE, *THERE[1:])
+    assert instances == {"world": Presence.MISSING, "hand": Presence.PRESENT, "eye": Presence.PRESENT}
+    assert set(uses.values()) == {Presence.MISSING}
+
+
+def test_a_client_that_is_not_connected_misses_only_that_use() -> None:
+    instances, uses = presences(WORLD, HAND, NEWS, *THERE)
+    assert set(instances.values()) == {Presence.PRESENT}
+    assert uses == {CALLED: Presence.PRESENT, LISTENED: Presence.MISSING}
+
+
+def test_a_use_is_missing_if_its_provider_does_not_offer_the_channel() -> None:
+    assert presences(WORLD, HAND, EYE, *THERE)[1][LISTENED] is Presence.MISSING
+
+
+def test_what_is_on_another_host_or_goes_over_a_middleware_that_does_not_tell_is_unseen() -> None:
+    instances, uses = presences(WORLD, HAND, *THERE[:2], of=plan(DIVIDE, HEARD, hosts={"eye": "robot"}))
+    assert instances["eye"] is Presence.UNSEEN
+    assert uses == {CALLED: Presence.PRESENT, LISTENED: Presence.UNSEEN}
+    within = way("hand", "world", "world/Everything/divide", middleware="within")
+    assert presences(*THERE, of=plan(within), tellers=["near"])[1] == {CALLED: Presence.UNSEEN}
+
+
+def test_a_client_that_is_not_declared_is_shown_with_its_process() -> None:
+    spy = end("spy", "subscribes", "world/Everything/news", pid=8)
+    instances, uses = presences(WORLD, HAND, NEWS, EYE, spy, *THERE)
+    assert instances["spy (process 8)"] is Presence.UNDECLARED
+    assert uses["spy (process 8)", "world/Everything/news", "world"] is Presence.UNDECLARED
+
+
+def test_a_provider_that_is_not_declared_is_shown_if_an_instance_uses_it() -> None:
+    double = end("double", "publishes", "double/Everything/news", pid=9)
+    unrelated = end("lonely", "serves", "lonely/Everything/divide", pid=10)
+    instances, uses = presences(WORLD, HAND, NEWS, EYE, double, unrelated, *THERE)
+    assert instances["double (process 9)"] is Presence.UNDECLARED
+    assert uses["eye", "double/Everything/news", "double (process 9)"] is Presence.UNDECLARED
+    assert not any(name.startswith("lonely") for name in instances)
+
+
+def test_a_use_between_declared_instances_may_be_undeclared() -> None:
+    instances, uses = presences(WORLD, HAND, NEWS, EYE, *THERE, of=plan(DIVIDE))
+    assert set(instances) == {"world", "hand", "eye"}
+    assert uses[LISTENED] is Presence.UNDECLARED
+
+
+def test_a_program_without_contracts_is_unseen() -> None:
+    of = plan() | {"processes": [{"instances": ["joystick"], "host": ""}], "ours": {}}
+    assert presences(*THERE, of=of)[0] == {"joystick": Presence.UNSEEN}
+
+
+@pytest.mark.parametrize("broken", [{}, {"name": 1}, plan() | {"ours": {"world": 3}}, plan({"client": "hand"})])
+def test_a_plan_of_another_version_is_refused(broken: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="is of another version"):
+        compare(broken, Network(()))

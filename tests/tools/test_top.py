@@ -1,0 +1,84 @@
+"""`rc top` shows what components do."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.tools import asking
+from robocomp_py.tools.census import take_census
+from robocomp_py.transports.base import find_transport
+
+from ..runtime.components import Calculator, Pupil
+from ..runtime.test_run import make, running
+from .test_commands import complained, said
+
+
+class Asking(Pupil):
+    def compute(self) -> None:
+        super().compute()
+        self.everything_proxy.divide(7, 2)
+
+
+@pytest.fixture(scope="module")
+def pair() -> Iterator[Any]:
+    over = ("middleware=shm", "namespace=desk")
+    with (
+        running(make(Calculator, find_transport, *over)),
+        running(make(Asking, find_transport, *over, name="pupil")) as pupil,
+    ):
+        wait_until(lambda: {"desk/calculator", "desk/pupil"} <= set(asking.components(take_census(["shm"]))))
+        wait_until(lambda: pupil.entries.count("compute") > 3)
+        yield pupil
+
+
+def test_components_and_operations_are_shown(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(capsys, "top", "--once", "--middleware", "shm").splitlines()
+    assert lines[0].split() == [
+        *("component", "state", "process", "cpu", "%", "MB", "compute/s", "msg/s"),
+        *("failed", "lost", "queue", "suspended", "overruns"),
+    ]
+    (row,) = [line.split() for line in lines if line.startswith("desk/pupil  ")]
+    assert (row[1], row[2]) == ("compute", str(os.getpid()))
+    (row,) = [line.split() for line in lines if line.startswith("desk/pupil → desk/*/Everything/divide")]
+    assert row[3] == "shm"
+    assert all(float(each) > 0 for each in row[4:8])
+    assert any(line.startswith("desk/calculator ← desk/calculator/Everything/divide") for line in lines)
+    assert not any("Everything/work" in line for line in lines)
+
+
+def test_json_has_all_operations(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    (line,) = said(capsys, "top", "pupil", "--once", "--json", "--middleware", "shm").splitlines()
+    told = json.loads(line)
+    by_name = {each["operation"]: each for each in told["operations"]}
+    assert (told["component"], told["pid"]) == ("desk/pupil", os.getpid())
+    assert by_name["divide"]["count"] > 3
+    assert by_name["work"]["p50"] is None
+
+
+def test_looks_are_repeated(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    told: list[Any] = []
+
+    def repeated() -> bool:
+        """In so short a time, a busy machine may look only once."""
+        arguments = ("top", "calculator", "--json", "--every", "0.1", "--for", "0.3", "--middleware", "shm")
+        told[:] = [json.loads(line) for line in said(capsys, *arguments).splitlines()]
+        return len(told) >= 2
+
+    wait_until(repeated, 3 * SOON)
+    assert told[-1]["operations"]
+
+
+def test_a_component_that_is_not_there_is_named(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "unknown component `pupl`; did you mean `pupil`?" in complained(
+        capsys, "top", "pupl", "--once", "--middleware", "shm"
+    )
+
+
+def test_nothing_to_show_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no component here tells what it does" in complained(capsys, "top", "--once", "--middleware", "zeromq")
