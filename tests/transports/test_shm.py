@@ -49,7 +49,7 @@ from robocomp_py.transports.shm.early_wakeup import EarlyWakeup
 from robocomp_py.transports.shm.loop import Loop
 from robocomp_py.transports.shm.queues import AHEAD, LINGER, Sender, packed, unpacked
 from robocomp_py.transports.shm.receipts import SLOTS, Backlog, Reader, Receipts
-from robocomp_py.transports.shm.topics import LOANS, SHARE, Publisher
+from robocomp_py.transports.shm.topics import LOANS, SHARE, Publisher, Subscriber
 from robocomp_py.transports.shm.transport import ShmTransport
 from robocomp_py.transports.shm.wakeup import NEWS, NUDGE, QUEUED, WAKEUPS, Waker, Wakeup
 
@@ -765,15 +765,18 @@ def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
     outlet = here.outlet(topic(NAME))
     assert isinstance(outlet, Publisher)
     looks: list[str] = []
-    counterparts = outlet.counterparts
+    is_open = threading.Event()  # the reader connects after that, so that the publisher has to look once more
+    counterparts, connect = outlet.counterparts, Subscriber.look
 
     def while_looking(*, strict: bool = False) -> list[Found]:
         with monkeypatch.context() as sending:
             sending.setattr(outlet, "look", lambda: looks.append("sender"))
-            assert outlet.has_subscribers in (True, False)  # what each `send` asks, too
+            if outlet.has_subscribers:  # what each `send` asks, too
+                is_open.set()
         return counterparts(strict=strict)
 
     monkeypatch.setattr(outlet, "counterparts", while_looking)
+    monkeypatch.setattr(Subscriber, "look", lambda reader: is_open.is_set() and connect(reader))
     inbox = subscribe(there, topic(NAME))
     assert wait_connected(outlet, SOON)
     outlet.send(blob(here, b"word"))
