@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     except InnerModelError as exc:
         return complain(f"rc sim: {exc}")
     if not found:
-        return complain(f"rc sim: {options.scene} has no device that can be provided: no base, and no laser")
+        return complain(f"rc sim: {options.scene} has no device that can be provided: no base, no joint and no laser")
     if options.action == "offers":
         lines = [f"offers {name} : {', '.join(interfaces)};" for name, interfaces in found.items()]
         print(json.dumps(found) if options.json else "\n".join(lines))

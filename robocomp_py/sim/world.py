@@ -24,6 +24,8 @@ from ..spelling import unknown
 from .bases import Drive, Pose, Speed, moved
 from .build import build
 from .devices.laser import Laser
+from .joints import At, Motor, To
+from .joints import moved as motor_moved
 from .noise import normal
 
 TICK = 0.005
@@ -65,7 +67,7 @@ class World:
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
         self._drives: dict[str, Drive] = {}
-        self._targets: dict[str, tuple[float, float]] = {}
+        self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
         self.reset(seed)
 
@@ -75,7 +77,7 @@ class World:
         mujoco.mj_resetData(self._scene.model, self._data)
         self._data.qpos[:] = self._scene.start
         self._ticks = 0
-        self._targets = {}
+        self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         self._noise = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
         self._drives = {}
         for name in self._scene.bases:
@@ -89,7 +91,7 @@ class World:
         made._data = mujoco.MjData(self._scene.model)
         mujoco.mj_copyData(made._data, self._scene.model, self._data)
         made._drives = {name: replace(drive) for name, drive in self._drives.items()}
-        made._targets, made._noise = dict(self._targets), dict(self._noise)
+        made._motors, made._noise = dict(self._motors), dict(self._noise)
         return made
 
     @property
@@ -126,7 +128,7 @@ class World:
         for name, drive in sorted(self._drives.items()):
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
-        for values in (self._targets, self._noise):
+        for values in (self._motors, self._noise):
             made.update(repr(sorted(values.items())).encode())
         return made.hexdigest()
 
@@ -146,18 +148,38 @@ class World:
         """Move a joint to a position in rad, or mm if it slides, at rad/s or mm/s; a speed of 0: at once.
 
         Returns where it will end, within its limits. Raises InnerModelError if there is no such joint, and ValueError
-        for numbers that are not finite.
+        for numbers that are not finite, or too large for messages.
         """
-        found = _known("joint", joint, self._scene.joints)
-        position, speed = _finite("position", position, speed)
-        position = min(max(position, found.low), found.high)
-        if speed == 0.0:
-            self._targets.pop(joint, None)
-            self._set_joint(joint, position)
-            self._update()
-        else:
-            self._targets[joint] = position, abs(speed)
-        return position
+        self.move_joints({joint: (position, speed)})
+        found = self._scene.joints[joint]
+        return min(max(float(position), found.low), found.high)
+
+    def move_joints(self, goals: Mapping[str, tuple[float, float]]) -> None:
+        """Move joints to positions at speeds. If it raises what `move_joint` raises, none has moved."""
+        known = {name: _known("joint", name, self._scene.joints) for name in goals}
+        checked = {name: _near("position", *goal) for name, goal in goals.items()}
+        for name, (position, speed) in checked.items():
+            position = min(max(position, known[name].low), known[name].high)
+            if speed == 0.0:
+                self._hold_joint(name, Motor(position))
+            else:
+                self._motors[name] = self._motors[name]._replace(goal=To(position, abs(speed)))
+        self._update()
+
+    def drive_joint(self, joint: str, speed: float, acceleration: float = 0.0) -> None:
+        """Move a joint at a speed, rad/s or mm/s, until it is told otherwise or reaches a limit.
+
+        Its speed changes by at most `acceleration` per second; 0: at once. Raises as `move_joint` does.
+        """
+        self.drive_joints({joint: (speed, acceleration)})
+
+    def drive_joints(self, goals: Mapping[str, tuple[float, float]]) -> None:
+        """Move joints at speeds, with accelerations. If it raises what `move_joint` raises, none has changed."""
+        for name in goals:
+            _known("joint", name, self._scene.joints)
+        checked = {name: _near("speed", *goal) for name, goal in goals.items()}
+        for name, (speed, acceleration) in checked.items():
+            self._motors[name] = self._motors[name]._replace(goal=At(speed, abs(acceleration)))
 
     def set_odometry(
         self, base: str, x: float = 0.0, z: float = 0.0, turn: float = 0.0, corrected: Pose | None = None
@@ -199,6 +221,11 @@ class World:
         place = float(self._data.qpos[found.place])
         return (place - found.offset) * 1000.0 if found.slides else place
 
+    def joint_speed(self, joint: str) -> float:
+        """Of a joint: rad/s, or mm/s if it slides."""
+        _known("joint", joint, self._scene.joints)
+        return self._motors[joint].speed
+
     def matrix(self, node: str, seen_from: str = "root") -> Array:
         """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""
         found, other = self._matrix(node), self._matrix(seen_from)
@@ -226,20 +253,17 @@ class World:
             raise ValueError(f"{count} ticks")
         for _ in range(count):
             self._ticks += 1
-            for name in self._targets.copy():
-                self._approach(name)
+            for name, motor in self._motors.items():
+                if motor.goal is not None:
+                    self._turn(name, motor)
             for name, drive in self._drives.items():
                 self._advance(name, drive)
         self._update()
 
-    def _approach(self, name: str) -> None:
-        target, speed = self._targets[name]
-        now, most = self.position(name), speed * self._tick
-        if abs(target - now) <= most:
-            del self._targets[name]
-            self._set_joint(name, target)
-        else:
-            self._set_joint(name, now + math.copysign(most, target - now))
+    def _turn(self, name: str, motor: Motor) -> None:
+        found = self._scene.joints[name]
+        low, high = max(found.low, -_FARTHEST), min(found.high, _FARTHEST)
+        self._hold_joint(name, motor_moved(motor, self._tick, low, high))
 
     def _advance(self, name: str, drive: Drive) -> None:
         if drive.expires is not None and self._ticks > drive.expires:
@@ -287,8 +311,9 @@ class World:
         found = self._scene.bases[base]
         self._data.qpos[[found.x, found.z, found.turn]] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
 
-    def _set_joint(self, name: str, position: float) -> None:
-        found = self._scene.joints[name]
+    def _hold_joint(self, name: str, motor: Motor) -> None:
+        self._motors[name] = motor
+        found, position = self._scene.joints[name], motor.position
         self._data.qpos[found.place] = position / 1000.0 + found.offset if found.slides else position
 
     def _update(self) -> None:

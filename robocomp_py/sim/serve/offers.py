@@ -1,4 +1,4 @@
-"""What a scene provides: an interface for each device, under the id of its node."""
+"""What a scene provides: interfaces of each device, under the id of its node, and of the joints of each port."""
 
 from __future__ import annotations
 
@@ -15,13 +15,32 @@ INTERFACES = {
 }
 """The interfaces of a device, by the tag of its node. Those that end in `Pub` are published."""
 
+MOTORS = ("JointMotor", "JointMotorPub")
+"""The interfaces of the joints of one port."""
+
+
+def motors(tree: Tree) -> dict[str, list[str]]:
+    """The joints that are provided together, those of one `port`, by the name of their instance: `joints10067`.
+
+    Those without a port are `joints`.
+    """
+    found: dict[str, list[str]] = {}
+    for name in tree.ids:
+        node = tree.node(name)
+        if node.tag in ("joint", "prismaticjoint"):
+            port = node.values["port"]
+            found.setdefault(f"joints{port}" if port else "joints", []).append(name)
+    return found
+
 
 def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
-    """The interfaces by the id of each device, in the order of the file. A laser without rays has none.
+    """The interfaces by the name of each instance: the ids of devices in the order of the file, then groups of joints.
+
+    A laser without rays has none.
 
     Raises InnerModelError for an id that cannot be the name of an instance.
     """
-    found = {}
+    found: dict[str, tuple[str, ...]] = {}
     for name in tree.ids:
         node = tree.node(name)
         if node.tag in INTERFACES and node.values.get("measures") != 0:
@@ -30,7 +49,7 @@ def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
                     f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`"
                 )
             found[name] = INTERFACES[node.tag]
-    return found
+    return found | {name: (*found.get(name, ()), *MOTORS) for name in motors(tree)}
 
 
 def used(found: dict[str, tuple[str, ...]]) -> list[str]:

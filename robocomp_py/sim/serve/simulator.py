@@ -21,7 +21,8 @@ from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
 from ...runtime.worker import Worker
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .lasers import LaserHandler, scanned
-from .offers import names_of, offers
+from .motors import JointMotorHandler, states
+from .offers import motors, names_of, offers
 from .values import filled, operation
 
 try:
@@ -38,7 +39,8 @@ _MOST_MADE_UP = 1.0
 class Simulator(Worker[Any]):
     """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
 
-    Each device is a named instance with the id of its node: `front/Laser`. Interfaces that the CDSL does not have are
+    Each device is a named instance with the id of its node: `front/Laser`. All joints with one `port` are one instance:
+    `joints10067/JointMotor`; those without a port are `joints/JointMotor`. Interfaces that the CDSL does not have are
     not provided. The scene follows the clock of the component, and `compute` publishes scans and the states of bases.
     """
 
@@ -50,6 +52,8 @@ class Simulator(Worker[Any]):
         self._tree = Tree.read(path)
         for problem in self._tree.problems:
             log.warning("%s", problem)
+        self._motors = motors(self._tree)
+        self._go_home()
         self.world = World(self._tree, seed=self.params.seed, without_meshes=self.params.without_meshes)
         self._began = self.now()
         self._publications: list[Callable[[], None]] = []
@@ -80,18 +84,43 @@ class Simulator(Worker[Any]):
             log.warning("the scene is %.1f s late and leaves them out: it has too much to compute", late)
         self.world.step(max(0, round(passed / self.world.tick) - self.world.ticks))
 
+    def _go_home(self) -> None:
+        """Put joints whose file names a `home` there, if they are provided."""
+        for port in self.component.named:
+            if port.interface.short != "JointMotor":
+                continue
+            for name, joints in self._motors.items():
+                for joint in joints if getattr(self, port.attribute).is_declared(name) else ():
+                    node = self._tree.node(joint)
+                    update = self._tree.update_joint if node.tag == "joint" else self._tree.update_prismatic
+                    if home := float(str(node.values["home"])):
+                        update(joint, home)
+
     def _handler(self, interface: Interface, name: str) -> InstanceHandler:
-        if interface.short == "Laser":
-            return LaserHandler(self.world, self._tree.node(name), self._carrier(name), interface)
-        kinds = {"DifferentialRobot": DifferentialRobotHandler, "OmniRobot": OmniRobotHandler}
-        return kinds[interface.short](self.world, name, interface)
+        match interface.short:
+            case "Laser":
+                return LaserHandler(self.world, self._tree.node(name), self._carrier(name), interface)
+            case "DifferentialRobot":
+                return DifferentialRobotHandler(self.world, name, interface)
+            case "OmniRobot":
+                return OmniRobotHandler(self.world, name, interface)
+            case "JointMotor":
+                joints = {each: self._tree.node(each) for each in self._motors[name]}
+                return JointMotorHandler(self.world, name, joints, interface)
+        raise AssertionError(f"`offers` has no {interface.short}")
 
     def _publication(self, port: Port, name: str, proxy: Any) -> Callable[[], None]:
-        if port.interface.short == "LaserPub":
-            kind = operation(port.interface, "pushLaserData").inputs[0].type
-            return lambda: proxy.pushLaserData(scanned(self.world, name, kind))
-        made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
-        return lambda: proxy.pushBaseState(made(state(self.world, name)))
+        match port.interface.short:
+            case "LaserPub":
+                kind = operation(port.interface, "pushLaserData").inputs[0].type
+                return lambda: proxy.pushLaserData(scanned(self.world, name, kind))
+            case "DifferentialRobotPub":
+                made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
+                return lambda: proxy.pushBaseState(made(state(self.world, name)))
+            case "JointMotorPub":
+                map_kind = operation(port.interface, "motorStates").inputs[0].type
+                return lambda: proxy.motorStates(states(self.world, self._motors[name], map_kind))
+        raise AssertionError(f"`offers` has no {port.interface.short}")
 
     def _carrier(self, name: str) -> str:
         """The base that carries a node; "" if none does."""

@@ -16,6 +16,15 @@ def operation(interface: Interface, name: str) -> Operation[Any]:
     return next(each for each in interface.operations if each.name == name)
 
 
+def declared(interface: Interface, name: str, exception: str, text: str) -> Exception:
+    """The exception of an operation that is called `exception` and holds a text; ValueError if it declares none."""
+    for each in operation(interface, name).raises:
+        if each.python is not None and each.name.rpartition("::")[2] == exception:
+            made: Exception = each.python(text)
+            return made
+    return ValueError(text)
+
+
 def filled(kind: Type, values: Mapping[str, Any]) -> Any:
     """A struct with those of the values whose fields it has; its other fields are as they are in a new one."""
     assert isinstance(kind, Struct)
