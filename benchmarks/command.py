@@ -14,6 +14,7 @@
   codecs     encoding and decoding alone, compared with the cyclonedds package and plain msgpack
   memory     queries with large arrays, if glibc keeps freed memory
   shared     memory in /dev/shm for messages of several sizes, and the part that is in use
+  diary      processor time of an event of a diary
   record     `rc record`: processor, memory and lost messages at 180 MB/s
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
@@ -45,6 +46,7 @@ from . import (
     codecs,
     counters,
     cpu,
+    diary,
     goals,
     languages,
     layers,
@@ -217,6 +219,11 @@ def _codecs(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [codecs.table(rows)], codecs.findings(rows))
 
 
+def _diary(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = diary.run(effort, tell)
+    return Found(rows, [diary.table(rows)])
+
+
 def _records(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(records.run, options.only, effort.halved)
     return Found(rows, [records.table(rows)], records.findings(rows), failures=failures)
@@ -276,6 +283,7 @@ MEASUREMENTS: dict[str, Run] = {
     "publish": _publish,
     "loans": _loans,
     "records": _records,
+    "diary": _diary,
     "cpu": _cpu,
     "placement": _placement,
     "threads": _threads,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import builtins
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -15,7 +16,6 @@ from ...errors import DeclaredError, EncodeError, RemoteFailure
 from ...runtime.worker import HOOKS
 from ...wire.cdr import Cdr
 from ...wire.codec import Decoder, Encoder
-from .events import octets_of, text_of
 
 _CODEC = Cdr()
 
@@ -24,7 +24,7 @@ PARAMS, WATCHING = "paramsChanged", ("on_deadline_missed", "on_liveliness_lost")
 
 
 @lru_cache(maxsize=1024)
-def _encoder(message: Struct) -> Encoder:
+def encoder(message: Struct) -> Encoder:
     return _CODEC.encoder(message)
 
 
@@ -33,14 +33,17 @@ def decoder(message: Struct) -> Decoder:
     return _CODEC.decoder(message)
 
 
-def encoded(message: Struct, values: tuple[Any, ...]) -> str:
+def encoded(message: Struct, values: tuple[Any, ...]) -> bytes:
     """Raises EncodeError."""
-    return text_of(bytes(_encoder(message)(values)))
+    data: bytes = encoder(message)(values)
+    return data
 
 
-def decoded(message: Struct, text: Any) -> tuple[Any, ...]:
+def decoded(message: Struct, data: Any) -> tuple[Any, ...]:
     """Raises ValueError."""
-    return decoder(message)(octets_of(text))
+    if not isinstance(data, bytes):
+        raise ValueError("there is no data")
+    return decoder(message)(data)
 
 
 def handlers(component: Component) -> dict[str, Operation[Any]]:
@@ -74,14 +77,32 @@ def left_out(component: Component, *, reads_caller: bool) -> list[str]:
     return found
 
 
-def result_of(operation: Operation[Any], value: Any) -> str | None:
-    """The reply of a handler; None if its value does not fit."""
-    outputs = len(operation.outputs)
-    values = (value,) if outputs == 1 else () if outputs == 0 else value
-    try:
-        return encoded(operation.response, values)
-    except (EncodeError, TypeError):
-        return None
+def request_of(operation: Operation[Any]) -> Callable[[tuple[Any, ...]], bytes | None]:
+    """A function from the arguments of a call to their octets; None if they do not fit: then the proxy raises, too."""
+    encode = encoder(operation.request)
+
+    def request(arguments: tuple[Any, ...]) -> bytes | None:
+        try:
+            data: bytes = encode(arguments)
+        except EncodeError:
+            return None
+        return data
+
+    return request
+
+
+def result_of(operation: Operation[Any]) -> Callable[[Any], bytes | None]:
+    """A function from what a handler or a call returns to its octets; None if the value does not fit."""
+    outputs, encode = len(operation.outputs), encoder(operation.response)
+
+    def result(value: Any) -> bytes | None:
+        try:
+            data: bytes = encode((value,) if outputs == 1 else () if outputs == 0 else value)
+        except (EncodeError, TypeError):
+            return None
+        return data
+
+    return result
 
 
 def value_of(operation: Operation[Any], text: Any) -> Any:
@@ -91,11 +112,12 @@ def value_of(operation: Operation[Any], text: Any) -> Any:
 
 
 def error_of(exc: BaseException, operation: Operation[Any] | None = None) -> dict[str, Any]:
-    """An exception as JSON."""
+    """An exception as JSON; `data` is CDR in base64, since this is a part of the line."""
     told: dict[str, Any] = {"kind": type(exc).__name__, "text": str(exc)}
     kind = _declared(operation).get(told["kind"]) if operation else None
     if kind and isinstance(exc, DeclaredError):
-        told["data"] = encoded(_fields(kind), tuple(getattr(exc, each.attribute) for each in kind.all_fields))
+        data = encoded(_fields(kind), tuple(getattr(exc, each.attribute) for each in kind.all_fields))
+        told["data"] = base64.b64encode(data).decode("ascii")
     elif isinstance(exc, RemoteFailure):
         told["remote"] = [exc.operation, exc.kind, exc.reason, exc.trace]
     return told
@@ -107,7 +129,7 @@ def exception_of(told: dict[str, Any], operation: Operation[Any]) -> Exception:
     if "data" in told:
         kind = _declared(operation)[name]
         assert kind.python is not None
-        made: Exception = kind.python(*decoded(_fields(kind), told["data"]))
+        made: Exception = kind.python(*decoded(_fields(kind), base64.b64decode(told["data"], validate=True)))
         return made
     if "remote" in told:
         return RemoteFailure(*map(str, told["remote"]))

@@ -1,8 +1,9 @@
 """The events of a diary, and the files that hold them.
 
-A diary is an MCAP file with one channel, `/diary`, of JSON objects. They are in the order in which the code of the
-component ran: only one method runs at a time, so there is one order. Each has `event` (its number), `ns` (since the
-diary began), `kind`, and the `turn` that it belongs to: a call of a hook, a handler, a timer or a function.
+A diary is an MCAP file with one channel, `/diary`. Each message of it is a page of events, one after the other. An
+event is a line of JSON; `octets` says how many octets of data follow the line. Events are in the order in which the
+code of the component ran: only one method runs at a time, so there is one order. Each has `event` (its number), `ns`
+(since the diary began), `kind`, and the `turn` that it belongs to: a call of a hook, a handler, a timer or a function.
 
     start   the component, its configuration, seeds, and what cannot be run again
     turn    a call begins: `call`, and its arguments
@@ -13,12 +14,11 @@ diary began), `kind`, and the `turn` that it belongs to: a call of a hook, a han
     after   the code has asked for a later call: `number`, `seconds`
     end     the call ends: `data` of its reply, or `error`
 
-`data` is CDR, in base64.
+`data` is CDR. It is null if the values did not fit the contract.
 """
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import threading
@@ -33,10 +33,18 @@ from ..recording.reader import Recording
 
 CHANNEL = "/diary"
 
-FORMAT = "1"
+FORMAT = "2"
 
 FLUSH = 1_000_000_000
 """ns after which what is written is given to the operating system."""
+
+PAGE = 64 * 1024
+"""Octets of events that make a page, which is one message of MCAP: a message costs more than an event."""
+
+NO_DATA = b""
+
+_HEADS = 1000
+"""Beginnings of events that are kept: calls that the code asks for have ever new names."""
 
 Event = dict[str, Any]
 
@@ -59,32 +67,41 @@ class DiaryWriter:
         self.path, self._file = _created(path)
         self._writer = Writer(self._file, chunk_size=CHUNK, compression=compression("none"))
         self._writer.start(library="robocomp_py")
-        self._channel = self._writer.register_channel(CHANNEL, "json", 0, {"diary": FORMAT})
+        self._channel = self._writer.register_channel(CHANNEL, "jsonl", 0, {"diary": FORMAT})
+        self._page, self._began = bytearray(), 0
+        self._heads: dict[tuple[str, str], bytes] = {}
 
-    def write(self, kind: str, turn: int, *, data: str | None = "", **more: Any) -> None:
-        """`data` is base64: a large one is not worth the time to look for characters that JSON does not allow."""
-        ending = (
-            b"}" if data == "" else b', "data": null}' if data is None else b', "data": "%b"}' % data.encode("ascii")
-        )
+    def write(self, kind: str, turn: int, call: str = "", data: bytes | None = NO_DATA, **more: Any) -> None:
+        """Note an event. `data` is CDR, None if there is none because the values were wrong; `more` becomes JSON."""
+        head = self._heads.get((kind, call)) or self._head(kind, call)
+        rest = b""
+        if data:
+            rest = b', "octets": %d' % len(data)
+        elif data is None:
+            rest = b', "data": null'
+        if more:
+            rest += b", " + json.dumps(more)[1:-1].encode()
         with self._lock:
             if self._file is None:
                 return
             now = self._now()
-            since = self._last = max(now - self._begun, self._last + 1)  # files are read in the order of their times
-            event = {"event": self._number, "ns": since, "kind": kind, "turn": turn, **more}
+            since = now - self._begun
+            if since <= self._last:  # files are read in the order of their times
+                since = self._last + 1
+            self._last = since
+            self._page += head % (self._number, since, turn, rest)
+            if data:
+                self._page += data
             self._number += 1
-            at = self._unix + since
-            try:
-                self._writer.add_message(self._channel, at, json.dumps(event)[:-1].encode() + ending, at)
-                if now - self._flushed >= FLUSH:
-                    self._flushed = now
-                    self._writer.flush()  # type: ignore[no-untyped-call]  # the library's
-            except OSError as exc:
-                self._fail(exc)
+            if len(self._page) >= PAGE or now - self._flushed >= FLUSH:
+                self._turn_over(now)
 
     def close(self) -> None:
         """Finish the file. Idempotent."""
         with self._lock:
+            if self._file is None:
+                return
+            self._turn_over(self._flushed)
             if self._file is None:
                 return
             try:
@@ -93,6 +110,26 @@ class DiaryWriter:
                 self._file = None
             except OSError as exc:
                 self._fail(exc)
+
+    def _head(self, kind: str, call: str) -> bytes:
+        text = json.dumps({"kind": kind, "call": call} if call else {"kind": kind})[:-1].replace("%", "%%")
+        head = f'{text}, "event": %d, "ns": %d, "turn": %d%b}}\n'.encode()
+        if len(self._heads) < _HEADS:
+            self._heads[kind, call] = head
+        return head
+
+    def _turn_over(self, now: int) -> None:
+        """Write the page, and begin another one."""
+        page, self._page = self._page, bytearray()
+        at, self._began = self._unix + self._began, self._last + 1
+        try:
+            if page:
+                self._writer.add_message(self._channel, at, page, at)  # type: ignore[arg-type]  # it takes any buffer
+            if now - self._flushed >= FLUSH:
+                self._flushed = now
+                self._writer.flush()  # type: ignore[no-untyped-call]  # the library's
+        except OSError as exc:
+            self._fail(exc)
 
     def _fail(self, exc: OSError) -> None:
         self.error = RecordingError(f"{self.path}: {exc.strerror or exc}; the diary ends here")
@@ -150,39 +187,49 @@ class DiaryReader:
         return event
 
     def _read(self) -> Generator[Event, None, None]:
-        topic = CHANNEL.removeprefix("/")
-        for message in self._recording.messages([topic]) if topic in self._recording.topics else ():
-            yield self._event(message.data)
+        topic = self._recording.topics.get(CHANNEL.removeprefix("/"))
+        if topic is None:
+            return
+        if (found := topic.metadata.get("diary")) not in (FORMAT, None):
+            raise RecordingError(f"{self.path}: another version of robocomp-py has written this diary (format {found})")
+        for message in self._recording.messages([topic.name]):
+            yield from self._events_of(message.data)
 
-    def _event(self, data: bytes) -> Event:
+    def _events_of(self, page: bytes) -> Iterator[Event]:
+        at = 0
         try:
-            event = json.loads(data)
-            if _is_event(event):
-                return event  # type: ignore[no-any-return]  # checked in the line before
+            while at < len(page):
+                begin, at = at, page.index(b"\n", at) + 1
+                event = json.loads(page[begin:at].decode())
+                if not _is_event(event):
+                    break
+                if octets := event.pop("octets", 0):
+                    event["data"] = page[at : at + octets]
+                    if not 0 < octets == len(event["data"]):
+                        break
+                    at += octets
+                yield event
+            else:
+                return
         except ValueError:
             pass
         raise RecordingError(f"{self.path}: an event of this diary is not understood")
 
 
 def _is_event(event: Any) -> bool:
-    return (
-        isinstance(event, dict)
-        and isinstance(event.get("kind"), str)
-        and all(isinstance(event.get(name), int) for name in ("event", "ns", "turn"))
-        and all(isinstance(event.get(name, ""), str) for name in ("call", "what"))
-        and all(isinstance(event.get(name, {}), dict) for name in ("error", "configuration"))
+    return isinstance(event, dict) and all(
+        isinstance(event.get(name, standard), kind) for name, kind, standard in _FIELDS
     )
 
 
-def text_of(octets: bytes) -> str:
-    return base64.b64encode(octets).decode("ascii")
-
-
-def octets_of(text: Any) -> bytes:
-    """Raises ValueError."""
-    if not isinstance(text, str):
-        raise ValueError("data is no text")
-    return base64.b64decode(text, validate=True)
+_FIELDS: tuple[tuple[str, type, Any], ...] = (
+    ("kind", str, None),
+    *((name, int, None) for name in ("event", "ns", "turn")),
+    *((name, str, "") for name in ("call", "what")),
+    *((name, dict, {}) for name in ("error", "configuration")),
+    ("octets", int, 0),
+    ("data", type(None), None),
+)
 
 
 @contextlib.contextmanager

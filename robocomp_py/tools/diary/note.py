@@ -20,13 +20,12 @@ from typing import Any
 
 from ... import __version__
 from ...contract.interface import Operation, Pattern
-from ...errors import EncodeError
 from ...runtime.ports import Proxy
 from ...runtime.settings import Settings
 from ...runtime.worker import Worker
 from . import coding
 from .chance import here, observed_clocks, seeded
-from .events import DiaryWriter
+from .events import NO_DATA, DiaryWriter
 
 log = logging.getLogger("robocomp.diary")
 
@@ -72,10 +71,10 @@ class Note:
         for name in coding.hooks(component):
             methods[name] = self._turn(name, getattr(worker, name))
         for name, operation in coding.handlers(component).items():
-            methods[name] = self._turn(name, getattr(worker, name), _taken(operation), _given(operation))
+            methods[name] = self._turn(name, getattr(worker, name), operation)
         for name in coding.WATCHING:
-            methods[name] = self._turn(name, getattr(worker, name), lambda arguments: {"values": list(arguments)})
-        methods[coding.PARAMS] = self._turn(coding.PARAMS, worker.paramsChanged, _changes(worker))
+            methods[name] = self._turn(name, getattr(worker, name), taken=lambda arguments: {"values": list(arguments)})
+        methods[coding.PARAMS] = self._turn(coding.PARAMS, worker.paramsChanged, taken=_changes(worker))
         methods |= {"_sleep": self._sleeping(worker._sleep), "_after": self._asking(worker._after)}
         methods |= {"now": self._reading("now", worker.now), "_state": self._reading("state", worker._state)}
         vars(worker).update(methods)
@@ -102,11 +101,11 @@ class Note:
         else:
             log.info("diary: %s", self._writer.path)
 
-    def write(self, kind: str, turn: int, **more: Any) -> None:
+    def write(self, kind: str, turn: int, call: str = "", data: bytes | None = NO_DATA, **more: Any) -> None:
         if turn == _NO_TURN:
             self.leave_out("threads of its own")
         else:
-            self._writer.write(kind, turn, **more)
+            self._writer.write(kind, turn, call, data, **more)
 
     def leave_out(self, what: str) -> None:
         """Something cannot be run again."""
@@ -120,23 +119,34 @@ class Note:
         self,
         name: str,
         method: Callable[..., Any],
-        taken: Callable[[tuple[Any, ...]], dict[str, Any]] = lambda arguments: {},
-        given: Callable[[Any], dict[str, Any]] = lambda value: {},
+        operation: Operation[Any] | None = None,
+        taken: Callable[[tuple[Any, ...]], dict[str, Any]] | None = None,
     ) -> Callable[..., Any]:
+        """A method that notes its calls: those by messages of an operation, or those whose arguments `taken` tells."""
+        write, turns = self._writer.write, self._turns
+        request = coding.encoder(operation.request) if operation else None
+        result = coding.result_of(operation) if operation else None
+
         @functools.wraps(method)
         def run(*arguments: Any) -> Any:
             if here.read is not None:  # the component calls a method of its own
                 return method(*arguments)
-            turn = next(self._turns)
-            self._writer.write("turn", turn, call=name, **taken(arguments))
-            with _inside(self, turn):
-                try:
-                    value = method(*arguments)
-                except BaseException as exc:
-                    self._writer.write("end", turn, error=coding.error_of(exc))
-                    raise
-                self._writer.write("end", turn, **given(value))
-                return value
+            turn = next(turns)
+            if taken is not None:
+                write("turn", turn, name, **taken(arguments))
+            else:
+                write("turn", turn, name, request(arguments) if request else NO_DATA)
+            here.read = _Reading(self, turn)
+            try:
+                value = method(*arguments)
+            except BaseException as exc:
+                here.read = None
+                write("end", turn, error=coding.error_of(exc))
+                raise
+            finally:
+                here.read = None
+            write("end", turn, "", result(value) if result else NO_DATA)
+            return value
 
         return run
 
@@ -172,18 +182,11 @@ class Note:
         return asked
 
 
-@contextlib.contextmanager
-def _inside(note: Note, turn: int) -> Iterator[None]:
-    """Code of a component runs on this thread."""
-    reading = _Reading(note, turn)
-    here.read = reading
-    try:
-        yield
-    finally:
-        here.read = None
-
-
 class _Reading:
+    """Set while code of a component runs on this thread."""
+
+    __slots__ = ("_note", "turn")
+
     def __init__(self, note: Note, turn: int) -> None:
         self._note, self.turn = note, turn
 
@@ -206,14 +209,6 @@ def outside() -> Iterator[None]:
         here.read = before
 
 
-def _taken(operation: Operation[Any]) -> Callable[[tuple[Any, ...]], dict[str, Any]]:
-    return lambda arguments: {"data": coding.encoded(operation.request, arguments)}
-
-
-def _given(operation: Operation[Any]) -> Callable[[Any], dict[str, Any]]:
-    return lambda value: {"data": coding.result_of(operation, value)}
-
-
 def _changes(worker: Worker[Any]) -> Callable[[tuple[Any, ...]], dict[str, Any]]:
     return lambda arguments: {"values": [sorted(arguments[0])], "params": dataclasses.asdict(worker.params)}
 
@@ -226,40 +221,41 @@ class _Out:
 
     def __init__(self, note: Note, name: str, operation: Operation[Any], inner: Any) -> None:
         self._note, self._name, self._operation, self._inner = note, name, operation, inner
+        self._request, self._result = coding.request_of(operation), coding.result_of(operation)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
 
-    def _encoded(self, arguments: tuple[Any, ...]) -> str | None:
-        try:
-            return coding.encoded(self._operation.request, arguments)
-        except EncodeError:
-            return None  # the proxy raises it, too
-
 
 class _Send(_Out):
     def send(self, arguments: tuple[Any, ...], *more: Any, **named: Any) -> None:
-        turn, data = turn_here(), self._encoded(arguments)
+        before, data = here.read, self._request(arguments)
+        turn = before.turn if isinstance(before, _Reading) else _NO_TURN
+        here.read = None  # the framework runs, in the middle of a turn
         try:
-            with outside():
-                self._inner.send(arguments, *more, **named)
+            self._inner.send(arguments, *more, **named)
         except BaseException as exc:
-            self._note.write("out", turn, call=self._name, data=data, error=coding.error_of(exc))
+            self._note.write("out", turn, self._name, data, error=coding.error_of(exc))
             raise
-        self._note.write("out", turn, call=self._name, data=data)
+        finally:
+            here.read = before
+        self._note.write("out", turn, self._name, data)
 
 
 class _Query(_Out):
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
-        turn = turn_here()
-        self._note.write("out", turn, call=self._name, data=self._encoded(arguments))
+        before = here.read
+        turn = before.turn if isinstance(before, _Reading) else _NO_TURN
+        self._note.write("out", turn, self._name, self._request(arguments))
+        here.read = None  # the framework runs, in the middle of a turn
         try:
-            with outside():
-                value = self._inner.ask(arguments, deadline)
+            value = self._inner.ask(arguments, deadline)
         except BaseException as exc:
             self._note.write("back", turn, error=coding.error_of(exc, self._operation))
             raise
-        self._note.write("back", turn, data=coding.result_of(self._operation, value))
+        finally:
+            here.read = before
+        self._note.write("back", turn, "", self._result(value))
         return value
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:

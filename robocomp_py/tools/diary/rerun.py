@@ -1,7 +1,7 @@
 """Runs the code of a component again, with what its diary says has entered it, and compares what goes out.
 
-Each turn has a thread of its own, because the waits of turns need not nest. Only one of them runs at any time: the one
-that the diary says.
+Only one thread runs at any time: it begins the turns that come next, one after the other. Where the diary says that a
+turn waits while others run, another thread goes on with the diary, because the waits of turns need not nest.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from ...contract.interface import Operation, Pattern
 from ...contract.parameters import build
 from ...contract.types import Field
-from ...errors import ConfigurationError, EncodeError, RobocompError
+from ...errors import ConfigurationError, RobocompError
 from ...runtime import settings
 from ...runtime.calls import Call
 from ...runtime.lifecycle import State
@@ -65,6 +65,9 @@ class Result:
     """What cannot be run again."""
 
 
+_Encode = Callable[[Any], bytes | None]
+
+
 class _Over(BaseException):
     """Ends the threads of turns: no `except Exception` of user code is to catch it."""
 
@@ -85,12 +88,11 @@ def _number(event: Event, name: str) -> int:
 
 
 class _Turn:
-    """A call of the component's code. `go` is released when its thread may run."""
+    """A call of the component's code. `go` is released when its thread may go on after a wait."""
 
     def __init__(self, number: int) -> None:
-        self.number = number
+        self.number, self.thread = number, threading.current_thread()
         self.go = threading.Semaphore(0)
-        self.thread: threading.Thread | None = None
         self.back: Event | None = None
         """What the wait has ended with."""
         self.is_waiting = False
@@ -109,30 +111,31 @@ class _Again:
         with as_broken(diary.path, start):
             chosen = _settings(worker_class, start)
         self._worker = Running(worker_class, chosen, _no_transport).worker
-        self._handlers = coding.handlers(component)
+        self._handlers = {
+            name: (operation, coding.result_of(operation)) for name, operation in coding.handlers(component).items()
+        }
         self._hooks = {*coding.hooks(component), *coding.WATCHING, coding.PARAMS}
         self._later: dict[int, Callable[[], object]] = {}
         self._turns: dict[int, _Turn] = {}
-        self._yielded = threading.Semaphore(0)
+        self._threads: list[threading.Thread] = []
+        self._spare, self._wanted = 0, threading.Semaphore(0)
+        """Threads that wait to be needed again, and what they wait for."""
         self._turn: _Turn | None = None
-        self._is_over = False
+        self._is_over, self._ended = False, threading.Event()
         self._failure: BaseException | None = None
+        self._last = start
+        """The event that is run."""
         self._prepare(chosen.instance, _number(start, "seed"))
 
     def run(self) -> Result:
-        while not self._is_over and (event := self._diary.peek()):
-            match event["kind"]:
-                case "turn":
-                    self._begin(event)
-                case "back":
-                    self._go_on(event)
-                case "left out":
-                    self._result.left_out.append(str(event.get("what")))
-                    self._diary.take()
-                case _:
-                    self._part(event, _told(event), _NOTHING)
-            if self._failure:
-                raise self._failure
+        self._pass_on()
+        event: Event | None = None
+        while not self._ended.wait(LONGEST):
+            if event is self._last:
+                raise RobocompError(f"event {event['event']}: `{event.get('call', 'the call')}` does not end")
+            event = self._last
+        if self._failure:
+            raise self._failure
         return self._result
 
     def close(self) -> None:
@@ -140,9 +143,9 @@ class _Again:
         self._is_over = True
         for turn in self._turns.values():
             turn.go.release()
-        for turn in self._turns.values():
-            if turn.thread:
-                turn.thread.join(LONGEST)
+        self._wanted.release(len(self._threads) or 1)
+        for thread in self._threads:
+            thread.join(LONGEST)
 
     def _prepare(self, instance: str, seed: int) -> None:
         worker: Any = self._worker
@@ -164,82 +167,100 @@ class _Again:
 
     # The turns.
 
-    def _begin(self, event: Event) -> None:
-        turn = _Turn(event["turn"])
-        with as_broken(self._diary.path, event):
-            call = self._call_of(event)
-        self._diary.take()
-        self._result.turns += 1
-        self._turns[turn.number] = turn
-        # A daemon, because code that never ends must not keep this process.
-        turn.thread = threading.Thread(
-            target=self._run, args=(turn, event, call), name=f"turn-{turn.number}", daemon=True
-        )
-        self._turn = turn
-        if not start_thread(turn.thread):
-            raise RobocompError(NO_THREAD)
-        self._wait(turn, event)
-
-    def _go_on(self, event: Event) -> None:
-        turn = self._turns.get(event["turn"])
-        if turn is None or not turn.is_waiting:
-            self._part(event, _told(event), _NOTHING)
+    def _pass_on(self) -> None:
+        """Let another thread go on with the diary."""
+        if self._spare:
+            self._spare -= 1
+            self._wanted.release()
             return
-        self._diary.take()
-        turn.back, turn.is_waiting, self._turn = event, False, turn
-        turn.go.release()
-        self._wait(turn, event)
+        # A daemon, because code that never ends must not keep this process.
+        thread = threading.Thread(target=self._thread, name=f"turns-{len(self._threads)}", daemon=True)
+        if not start_thread(thread):
+            raise RobocompError(NO_THREAD)
+        self._threads.append(thread)
 
-    def _wait(self, turn: _Turn, event: Event) -> None:
-        """Until the turn ends or waits."""
-        taken = -1
-        while not self._yielded.acquire(timeout=LONGEST):
-            if taken == self._result.outputs:
-                raise RobocompError(f"event {event['event']}: `{event.get('call', 'the call')}` does not end")
-            taken = self._result.outputs
+    def _thread(self) -> None:
+        try:
+            while self._go_on():
+                self._wanted.acquire()
+                if self._is_over:
+                    return
+        except BaseException as exc:  # raised by `run`
+            self._failure = exc
+        self._is_over = True
+        self._ended.set()
 
-    def _call_of(self, event: Event) -> tuple[Callable[[], Any], Operation[Any] | None]:
-        """What a turn calls. Raises ValueError, TypeError and LookupError."""
-        name = str(event["call"])
-        if name.startswith("after "):
-            return self._later[int(name.removeprefix("after "))], None
-        if operation := self._handlers.get(name):
-            return partial(getattr(self._worker, name), *coding.decoded(operation.request, event["data"])), operation
-        if name not in self._hooks:
-            raise LookupError(f"this component has no method `{name}`")
-        arguments = list(event.get("values", []))
-        if name == coding.PARAMS:
-            if self._spec:
-                self._worker._configured = build(self._spec, event["params"])
-            arguments = [frozenset(arguments[0])]
-        return partial(getattr(self._worker, name), *arguments), None
+    def _go_on(self) -> bool:
+        """Run turns, until one goes on that has waited on another thread. False at the end."""
+        while not self._is_over and (event := self._diary.peek()):
+            match event["kind"]:
+                case "turn":
+                    self._begin(event)
+                case "back" if (turn := self._turns.get(event["turn"])) and turn.is_waiting:
+                    self._spare += 1
+                    self._wake(turn, event)
+                    return True
+                case "left out":
+                    self._result.left_out.append(str(event.get("what")))
+                    self._diary.take()
+                case _:
+                    self._part(event, _told(event), _NOTHING)
+        return False
 
-    def _run(self, turn: _Turn, event: Event, call: tuple[Callable[[], Any], Operation[Any] | None]) -> None:
-        """A thread of its own."""
-        method, operation = call
+    def _begin(self, event: Event) -> None:
+        with as_broken(self._diary.path, event):
+            method, operation, result = self._call_of(event)
+        self._take(event)
+        self._result.turns += 1
+        turn = self._turns[event["turn"]] = self._turn = _Turn(event["turn"])
         here.read = self._read
         try:
             more: dict[str, Any] = {}
             try:
                 value = method()
-                more = {"data": coding.result_of(operation, value)} if operation else {}
+                more = {"data": result(value)} if result else {}
             except _Over:
                 return
             except BaseException as exc:
                 more = {"error": coding.error_of(exc)}
             if not self._is_over:
-                self._ended(turn, str(event["call"]), operation, more)
+                self._end(turn, str(event["call"]), operation, more)
         except _Over:
             pass
-        except BaseException as exc:  # raised by `run`
-            self._failure = exc
         finally:
             here.read = None
             if not self._is_over:
                 del self._turns[turn.number]
-            self._yielded.release()
+                self._turn = None
 
-    def _ended(self, turn: _Turn, call: str, operation: Operation[Any] | None, more: dict[str, Any]) -> None:
+    def _wake(self, turn: _Turn, event: Event) -> None:
+        self._take(event)
+        turn.back, turn.is_waiting, self._turn = event, False, turn
+        turn.go.release()
+
+    def _take(self, event: Event) -> None:
+        self._diary.take()
+        self._last = event
+
+    def _call_of(self, event: Event) -> tuple[Callable[[], Any], Operation[Any] | None, _Encode | None]:
+        """What a turn calls, and what makes octets of what that returns. Raises ValueError, TypeError, LookupError."""
+        name = str(event["call"])
+        if name.startswith("after "):
+            return self._later[int(name.removeprefix("after "))], None, None
+        if found := self._handlers.get(name):
+            operation, result = found
+            arguments = coding.decoded(operation.request, event.get("data"))
+            return partial(getattr(self._worker, name), *arguments), operation, result
+        if name not in self._hooks:
+            raise LookupError(f"this component has no method `{name}`")
+        values = list(event.get("values", []))
+        if name == coding.PARAMS:
+            if self._spec:
+                self._worker._configured = build(self._spec, event["params"])
+            values = [frozenset(values[0])]
+        return partial(getattr(self._worker, name), *values), None, None
+
+    def _end(self, turn: _Turn, call: str, operation: Operation[Any] | None, more: dict[str, Any]) -> None:
         event = self._expect("end", turn, f"the end of {call}")
         self._result.outputs += operation is not None and bool(operation.outputs)
         was, now = event.get("error"), more.get("error")
@@ -252,13 +273,9 @@ class _Again:
 
     # What the code does.
 
-    def out(self, name: str, operation: Operation[Any], arguments: tuple[Any, ...]) -> Event:
+    def out(self, name: str, operation: Operation[Any], data: bytes | None) -> Event:
         """Something goes out. Returns its event."""
         turn = self._here()
-        try:
-            data: str | None = coding.encoded(operation.request, arguments)
-        except EncodeError:
-            data = None
         event = self._expect("out", turn, name)
         self._result.outputs += 1
         if event.get("data") != data:
@@ -269,9 +286,13 @@ class _Again:
 
     def wait(self, turn: _Turn) -> Event:
         """Let others run, until the diary says that the wait is over."""
+        event = self._diary.peek()
+        if event and event["kind"] == "back" and event["turn"] == turn.number:
+            self._take(event)  # nothing has run meanwhile
+            return event
         turn.is_waiting = True
         before, here.read = here.read, None
-        self._yielded.release()
+        self._pass_on()
         turn.go.acquire()
         if self._is_over:
             raise _Over
@@ -318,7 +339,7 @@ class _Again:
             raise _Over  # the diary ends here, in the middle of a turn
         is_same = event["kind"] == kind and event["turn"] == turn.number
         if is_same and (kind not in ("out", "read", "wait") or name == event.get("call", event.get("what"))):
-            self._diary.take()
+            self._take(event)
             self._result.seconds = event["ns"] / 1e9
             return event
         self._part(event, _told(event), name)
@@ -345,6 +366,7 @@ class _Later:
 class _Out:
     def __init__(self, again: _Again, name: str, operation: Operation[Any]) -> None:
         self._again, self._name, self._operation = again, name, operation
+        self._request = coding.request_of(operation)
 
 
 class _Send(_Out):
@@ -356,7 +378,7 @@ class _Send(_Out):
         return Loans(Call(self._operation, Cdr()), outlet)
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None = None, memory: Any = None) -> None:
-        event = self._again.out(self._name, self._operation, arguments)
+        event = self._again.out(self._name, self._operation, self._request(arguments))
         if event.get("error"):
             raise coding.exception_of(event["error"], self._operation)
 
@@ -364,7 +386,7 @@ class _Send(_Out):
 class _Query(_Out):
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         turn = self._again._here()
-        self._again.out(self._name, self._operation, arguments)
+        self._again.out(self._name, self._operation, self._request(arguments))
         event = self._again.wait(turn)
         with as_broken(self._again._diary.path, event):
             if event.get("error"):

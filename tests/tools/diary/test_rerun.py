@@ -24,7 +24,7 @@ from robocomp_py.errors import ConfigurationError, RemoteFailure
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.tools.diary.events import DiaryReader, DiaryWriter
+from robocomp_py.tools.diary.events import FLUSH, DiaryReader, DiaryWriter
 from robocomp_py.tools.diary.rerun import Result, rerun
 from robocomp_py.tools.recording.bag import Options, RecordingError
 from robocomp_py.tools.recording.mend import mend
@@ -267,8 +267,8 @@ START = ("start", 0, {"component": "thinker", "instance": "thinker", "configurat
             [START, ("turn", 1, {"call": "explode"})],
             "event 1 is not understood: this component has no method `explode`",
         ),
-        ([START, ("turn", 1, {"call": "Everything_news", "data": "?"})], "event 1 is not understood: "),
-        ([START, ("turn", 1, {"call": "Everything_news", "data": "AAEAAA=="})], "event 1 is not understood: "),
+        ([START, ("turn", 1, {"call": "Everything_news", "data": b"?"})], "event 1 is not understood: "),
+        ([START, ("turn", 1, {"call": "Everything_news", "data": b"\0\1\0\0"})], "event 1 is not understood: "),
         ([START, ("turn", 1, {"call": "after 1"})], "event 1 is not understood: 1"),
         ([START, ("turn", 1, {})], "event 1 is not understood: 'call'"),
         ([("start", 0, {"component": "thinker", "instance": "thinker"})], "event 0 is not understood: 'configuration'"),
@@ -288,7 +288,7 @@ def test_a_diary_of_another_component_is_told(tmp_path: Path) -> None:
 
 def test_a_diary_without_an_end_is_mended_and_run_as_far_as_it_goes(diary: Path, tmp_path: Path) -> None:
     path = tmp_path / "cut.mcap"
-    writer = DiaryWriter(path)
+    writer = DiaryWriter(path, itertools.count(0, FLUSH).__next__)
     with DiaryReader(diary) as reader:
         for event in [reader.start, *iter(reader.take, None)][:-3]:
             writer.write(
@@ -296,7 +296,6 @@ def test_a_diary_without_an_end_is_mended_and_run_as_far_as_it_goes(diary: Path,
                 event.pop("turn"),
                 **{key: each for key, each in event.items() if key not in ("event", "ns")},
             )
-    writer._writer.flush()  # type: ignore[no-untyped-call]
     with pytest.raises(RecordingError, match="`rc bag mend` makes a readable copy"):
         again(Thinker, path)
     mend(path, tmp_path / "whole", Options())
