@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from robocomp_py.cli import rc, rcgen
 from robocomp_py.contract.component import Component, Port
@@ -284,6 +285,17 @@ def test_a_diary_of_another_component_is_told(tmp_path: Path) -> None:
     path = written(tmp_path / "a.mcap", START)
     with pytest.raises(ConfigurationError, match="is the diary of `thinker`, not of `station`"):
         again(Station, path)
+
+
+def test_a_diary_of_another_format_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "old.mcap"
+    with path.open("wb") as file:
+        old = Writer(file)
+        old.start()
+        old.add_message(old.register_channel("/diary", "json", 0, {"diary": "1"}), 1, b"{}", 1)
+        old.finish()
+    with pytest.raises(RecordingError, match=r"another version of robocomp-py has written this diary \(format 1\)"):
+        again(Thinker, path)
 
 
 def test_a_diary_without_an_end_is_mended_and_run_as_far_as_it_goes(diary: Path, tmp_path: Path) -> None:
