@@ -173,12 +173,20 @@ _LockstepFollower_counters: Operation[CounterList] = Operation(
     idempotent=True,
     doc="What the numbers of its reports count. Those without channels are no longer used.",  # noqa: E501, RUF100
 )
+_LockstepFollower_line: Operation[str] = Operation(
+    "RoboCompLockstep::LockstepFollower",
+    "line",
+    outputs=(Field("ret", STRING),),
+    idempotent=True,
+    doc="The address of a socket over which it is asked more quickly. Empty if there is none.",  # noqa: E501, RUF100
+)
 LOCKSTEPFOLLOWER_INTERFACE = Interface(
     "RoboCompLockstep::LockstepFollower",
     (
         _LockstepFollower_step,
         _LockstepFollower_look,
         _LockstepFollower_counters,
+        _LockstepFollower_line,
     ),
 )
 
@@ -291,3 +299,15 @@ class LockstepFollowerProxy(Proxy):
     def countersAsync(self, *, deadline: float | None = None) -> Future[CounterList]:
         """Call `counters` without waiting. The Future is done within the deadline."""
         return self._ask_async(_LockstepFollower_counters, (), deadline)
+
+    def line(self, *, deadline: float | None = None) -> str:
+        """The address of a socket over which it is asked more quickly. Empty if there
+        is none.
+
+        IDSL: idempotent string line()
+        """
+        return self._ask(_LockstepFollower_line, (), deadline)
+
+    def lineAsync(self, *, deadline: float | None = None) -> Future[str]:
+        """Call `line` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepFollower_line, (), deadline)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,7 @@ Numbers = Mapping[str, Sequence[int]]
 """The numbers of each instance, in the order of its counters."""
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """How a component is at an instant."""
 
     due: int

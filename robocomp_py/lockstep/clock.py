@@ -40,13 +40,15 @@ class Followed:
 
     def wait(self, wake: threading.Event, until: int) -> bool:
         with self._changed:
-            self._ages.setdefault(wake, len(self._ages))
+            if wake not in self._ages:
+                self._ages[wake] = len(self._ages)
             if until <= self._now or wake.is_set():
                 self._working.add(wake)
                 self._loop_of_this_thread(wake)
                 return wake.is_set()
             loop = self._loop_of_this_thread(wake)
-            self._working -= {wake, loop}
+            self._working.discard(wake)
+            self._working.discard(loop)
             self._waiting[wake] = until
             self._changed.notify_all()
         try:
@@ -54,7 +56,8 @@ class Followed:
         finally:
             with self._changed:
                 del self._waiting[wake]
-                self._working |= {wake, loop}
+                self._working.add(wake)
+                self._working.add(loop)
         return wake.is_set()
 
     @contextlib.contextmanager
@@ -63,7 +66,8 @@ class Followed:
         ref = getattr(self._own, "event", None)
         loop = ref() if ref else None
         with self._changed:
-            self._working -= {loop}
+            if loop:
+                self._working.discard(loop)
         try:
             yield
         finally:

@@ -16,6 +16,7 @@ from ..runtime.clock import NEVER, SECOND
 from ..threads import NO_THREAD, start_thread
 from ..wire import names
 from .balance import Balance, State
+from .line import Asked, Line, connect
 from .member import Member
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
@@ -52,24 +53,43 @@ _STUCK = 5.0
 """Seconds that closing waits for the thread."""
 
 
-class _Asked(Protocol):
-    def step(self, now: int) -> State: ...
-
-    def look(self, last: State) -> State: ...
-
+class _Asked(Asked, Protocol):
     def counters(self) -> list[Counter]: ...
 
 
 class _Far:
-    """A follower in another process."""
+    """A follower in another process: asked over a socket, or by queries if there is none."""
 
-    def __init__(self, proxy: LockstepFollowerProxy) -> None:
-        self._proxy = proxy
+    def __init__(self, proxy: LockstepFollowerProxy, close: Callable[[], None]) -> None:
+        """`close` closes the proxy."""
+        self._proxy, self._close = proxy, close
+        self.step, self.look = self._step, self._look
+        self._line = self._connected()
+        if self._line:
+            self.step, self.look = self._line.step, self._line.look
 
-    def step(self, now: int) -> State:
+    def close(self) -> None:
+        """Close what connects the leader with it."""
+        self.hang_up()
+        self._close()
+
+    def hang_up(self) -> None:
+        """Close its socket. Its proxy ends with those of the component."""
+        if self._line:
+            self._line.close()
+
+    def _connected(self) -> Line | None:
+        try:
+            address = self._proxy.line(deadline=_DEADLINE)
+        except RobocompError as exc:
+            log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
+            return None
+        return connect(address, _DEADLINE) if address else None
+
+    def _step(self, now: int) -> State:
         return State.of(self._proxy.step(now, deadline=_DEADLINE))
 
-    def look(self, last: State) -> State:
+    def _look(self, last: State) -> State:
         return State.of(self._proxy.look(last.report(), deadline=_DEADLINE))
 
     def counters(self) -> list[Counter]:
@@ -133,6 +153,9 @@ class Leader:
         self._news.set()
         if self._thread and self._thread.ident:
             self._thread.join(_STUCK)
+        for each in self._seats:
+            if isinstance(each.asked, _Far):
+                each.asked.hang_up()
 
     # What followers ask.
 
@@ -211,8 +234,8 @@ class Leader:
         port = Port(Verb.REQUIRES, LOCKSTEPFOLLOWER_INTERFACE, proxy=LockstepFollowerProxy)
         for name, now in joining.items():
             self._now = max(self._now, now)
-            proxy, close = self._connections.reach(port, name)
-            kept.append(_Seat(name, _Far(proxy), close))
+            follower = _Far(*self._connections.reach(port, name))
+            kept.append(_Seat(name, follower, follower.close))
         self._seat_all(kept)
 
     def _seat_all(self, seats: Sequence[_Seat]) -> None:
@@ -232,9 +255,12 @@ class Leader:
             if each.state.due > instant:
                 self._ask(each, partial(each.asked.step, instant))  # so that its handlers see the time
         for each in seats:
-            if each in self._seats and each.state.due <= instant:
+            if each.state.due <= instant and each in self._seats:
+                before = each.state
                 self._ask(each, partial(each.asked.step, instant))
-                self._settle()
+                after = each.state
+                if not (after.settled and after.numbers == before.numbers and after.version == before.version):
+                    self._settle()  # otherwise, nothing was sent and nothing was handled
 
     def _settle(self) -> None:
         """Wait until all threads wait, and all that was sent was handled."""

@@ -19,6 +19,7 @@ from ..wire import names
 from .balance import State
 from .clock import Followed
 from .counts import Counts
+from .line import Answering
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
     LOCKSTEPLEADER_INTERFACE,
@@ -84,6 +85,7 @@ class Member:
         self.clock = Followed(self._is_free)
         self.threads = AwayThreads(self.clock)
         self.counts = Counts(self.clock)
+        self._line = Answering(self.instance[1:], self)
 
     @property
     def leads(self) -> bool:
@@ -93,6 +95,7 @@ class Member:
     def open(self, connections: Connections) -> None:
         """Open what connects a follower with its leader."""
         if not self.leads:
+            self._line.begin()
             connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPFOLLOWER_INTERFACE), self)
             port = Port(Verb.REQUIRES, LOCKSTEPLEADER_INTERFACE, proxy=LockstepLeaderProxy)
             self._proxy, _ = connections.reach(port, self.leader)
@@ -119,6 +122,7 @@ class Member:
                 self._proxy.leave(self.instance, deadline=1.0)
             except RobocompError as exc:
                 log.debug("the leader was not told that %s ends: %s", self.instance[1:], exc)
+        self._line.close()
         if self._thread and self._thread.ident:
             self._thread.join(_STUCK)
 
@@ -133,10 +137,14 @@ class Member:
     def LockstepFollower_counters(self) -> list[Counter]:
         return self.counters()
 
+    def LockstepFollower_line(self) -> str:
+        return self._line.address
+
     def step(self, now: int) -> State:
         """Do all that is due until an instant."""
         self.clock.set(now)
-        self._admitted.set()
+        if not self._admitted.is_set():
+            self._admitted.set()
         begun = quiet = time.monotonic()
         while True:
             is_settled, elapsed = self._is_settled, time.monotonic()

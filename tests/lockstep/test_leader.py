@@ -38,6 +38,9 @@ class Follower:
     def close(self) -> None:
         self.closed += 1
 
+    def line(self, *, deadline: float) -> str:
+        return ""
+
     def counters(self, *, deadline: float) -> list[Counter]:
         return self._counters
 
