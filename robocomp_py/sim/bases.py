@@ -1,4 +1,4 @@
-"""How a base moves while physics is off, and what its wheels tell."""
+"""How a base moves at a speed, and what its wheels tell."""
 
 from __future__ import annotations
 
@@ -51,3 +51,12 @@ def moved(pose: Pose, speed: Speed, time: float) -> Pose:
         pose.z + chord * (speed.ahead * cosine - speed.aside * sine),
         pose.turn + speed.turn * time,
     )
+
+
+def between(pose: Pose, other: Pose, time: float) -> Speed:
+    """The constant speed that leads from one pose to another in some seconds: the inverse of `moved`."""
+    half = (other.turn - pose.turn) / 2
+    chord = time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
+    sine, cosine = math.sin(pose.turn + half), math.cos(pose.turn + half)
+    x, z = (other.x - pose.x) / chord, (other.z - pose.z) / chord
+    return Speed(x * sine + z * cosine, x * cosine - z * sine, 2 * half / time)

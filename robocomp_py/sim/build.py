@@ -3,6 +3,9 @@
 What moves becomes a body: joints, bases, and transforms whose engine is `bullet`, which move freely. All else is part
 of the nearest body above it, since a body costs time in each step. `Scene` tells where every node is: in which body,
 and at which pose within it. Lengths are m here, and axes those of the simulator; see `innermodel.axes`.
+
+What only physics needs is part of the model, too, since physics may be switched on at any time: servos, masses, and
+pairs of bodies that do not touch.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,15 +27,21 @@ from ..innermodel.boxes import extents
 from ..innermodel.mesh import read_mesh
 from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
+from . import servos
+from .contacts import part
+from .parameters import BASES, JOINTS, Parameters, checked
 
-BASES = ("differentialrobot", "omnirobot")
-JOINTS = ("joint", "prismaticjoint")
-
-_LINK_MASS = 0.5
-"""Of a moving body whose mass the file does not tell, kg."""
+_MASS = 0.5
+"""Of a moving body whose mass is not told, kg."""
+_BASE_MASS = 10.0
+"""Of a base whose mass is not told, kg."""
 _LEAST_EXTENT = 0.02
 """Of the box from which the inertia of a body is computed, m."""
+_LEAST_BASE = 0.3
+"""The same of a base."""
 _UNIT = {"x": np.array((1.0, 0.0, 0.0)), "y": np.array((0.0, 1.0, 0.0)), "z": np.array((0.0, 0.0, 1.0))}
+_ROLLING = (0.005, 0.0001)
+"""Friction in turn and in rolling: without effect, since contacts have three dimensions."""
 _PREFIX = "."
 """In front of names in MuJoCo, which reserves `world`; nearly every file has a node of that name."""
 
@@ -61,6 +71,8 @@ class Base:
     noise: float
     shapes: NDArray[np.bool_]
     """Which geoms are part of it, shape (number of geoms,)."""
+    servo: int
+    """The first of its three servos, of speeds ahead, aside and in turn: numbers of the vector of controls."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +81,8 @@ class Joint:
 
     name: str
     place: int
+    freedom: int
+    """Where its speed is in the vector of velocities, rad/s or m/s."""
     slides: bool
     offset: float
     """What is added to the position of a joint that slides, m."""
@@ -76,6 +90,12 @@ class Joint:
     """rad or mm."""
     high: float
     home: float
+    servo: int
+    """The number of its servo in the vector of controls, rad or m."""
+
+    def place_of(self, position: float) -> float:
+        """A position in rad or mm as the vector of positions has it."""
+        return position / 1000.0 + self.offset if self.slides else position
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +118,7 @@ class Scene:
 class _Building:
     tree: Tree
     spec: mujoco.MjSpec
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """The name of the body in MuJoCo, and the pose within it in mm and our axes."""
     bases: list[str] = field(default_factory=list)
@@ -107,27 +128,38 @@ class _Building:
     """By file and scale: the name in MuJoCo, and the corners of the box around it."""
     boxes: dict[str, list[Array]] = field(default_factory=dict)
     """Corners of the shapes of each body, m, for its inertia."""
+    fixed: dict[str, tuple[mujoco.MjsGeom, dict[str, Any]]] = field(default_factory=dict)
+    """Shapes that are part of the world, by their names in MuJoCo, and of what they are made."""
+    trees: dict[str, str] = field(default_factory=dict)
+    """By the name of a body in MuJoCo: the name of the body at the top that carries it."""
 
 
-def build(tree: Tree, tick: float, *, without_meshes: bool = False) -> Scene:
+def build(tree: Tree, tick: float, *, without_meshes: bool = False, parameters: Parameters | None = None) -> Scene:
     """Make the model of a tree; `tick` is the length of a step in s.
 
-    Raises InnerModelError for a mesh that cannot be read. With `without_meshes`, those whose file is not there are
-    left out.
+    Raises InnerModelError for a mesh that cannot be read, and for wrong parameters. With `without_meshes`, those whose
+    file is not there are left out.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = tick
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.enableflags = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.compiler.autolimits = False
-    building = _Building(tree, spec, without_meshes=without_meshes)
+    spec.compiler.degree = False
+    building = _Building(tree, spec, checked(tree, parameters or {}), without_meshes=without_meshes)
     world = spec.worldbody
     building.frames[ROOT_ID] = ("world", np.eye(4))
     for child in tree.node(ROOT_ID).children:
         _place(building, child, world, np.eye(4))
     for body in spec.bodies:
         if body.name != "world":
-            _weigh(body, building.boxes.get(body.name, []))
+            _weigh(building, body)
+    for name in building.bases:
+        servos.add_to_base(spec, _PREFIX + name)
+    for name in building.joints:
+        servos.add_to_joint(spec, _PREFIX + name)
     return _compiled(building)
 
 
@@ -151,9 +183,13 @@ def _place(building: _Building, name: str, body: mujoco.MjsBody, within: Array) 
         _place(building, child, body, within)
 
 
-def _add_body(parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
+def _add_body(building: _Building, parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
+    """Motors carry the weight of the links of a robot, but not of what is part of a free body."""
     position, turn = _in_simulation(pose)
-    return parent.add_body(name=_PREFIX + name, pos=position, quat=_quaternion(turn), gravcomp=1.0)
+    made = parent.add_body(name=_PREFIX + name, pos=position, quat=_quaternion(turn))
+    made.gravcomp = 1.0 if parent.name == "world" else parent.gravcomp
+    building.trees[made.name] = building.trees.get(parent.name, made.name)
+    return made
 
 
 def _add_joint(building: _Building, node: Node, parent: mujoco.MjsBody, within: Array) -> mujoco.MjsBody:
@@ -161,12 +197,12 @@ def _add_joint(building: _Building, node: Node, parent: mujoco.MjsBody, within: 
     axis = _UNIT[str(node.values["axis"])]
     if node.tag == "joint":
         offset = axes.pose(_three(node, "t"), axes.rotation(*_three(node, "r")))
-        body = _add_body(parent, node.id, within @ offset)
+        body = _add_body(building, parent, node.id, within @ offset)
         body.add_joint(
             name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(axis), armature=0.01
         )
     else:
-        body = _add_body(parent, node.id, within)
+        body = _add_body(building, parent, node.id, within)
         body.add_joint(
             name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axes.TO_SIMULATION @ axis, armature=0.01
         )
@@ -179,7 +215,7 @@ def _add_base(building: _Building, node: Node, parent: mujoco.MjsBody, within: A
     _, height, _ = _three(node, "t")
     tilt, _, roll = _three(node, "r")
     tilted = axes.rotation(tilt, 0.0, 0.0)
-    body = _add_body(parent, node.id, within @ axes.pose((0.0, height, 0.0), tilted))
+    body = _add_body(building, parent, node.id, within @ axes.pose((0.0, height, 0.0), tilted))
     for axis in "xz":
         along = axes.TO_SIMULATION @ tilted.T @ _UNIT[axis]
         body.add_joint(name=f"{_PREFIX}{node.id}.{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=along)
@@ -191,9 +227,8 @@ def _add_base(building: _Building, node: Node, parent: mujoco.MjsBody, within: A
 
 def _add_free(building: _Building, node: Node) -> mujoco.MjsBody:
     """Free joints are allowed at the top only: the body has its pose in the world, and the tree keeps its parent."""
-    body = _add_body(building.spec.worldbody, node.id, building.tree.matrix(ROOT_ID, node.id))
+    body = _add_body(building, building.spec.worldbody, node.id, building.tree.matrix(ROOT_ID, node.id))
     body.gravcomp = 0.0
-    body.mass = _number(node.values.get("mass", 0.0))
     body.add_freejoint(name=_PREFIX + node.id)
     return body
 
@@ -202,8 +237,10 @@ def _add_box(building: _Building, node: Node, body: mujoco.MjsBody, within: Arra
     width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
     position, turn = _in_simulation(within)
     half = np.maximum((depth, width, height), 1e-6)
-    body.add_geom(
-        name=_PREFIX + node.id,
+    _add_shape(
+        building,
+        node,
+        body,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=half,
         pos=position,
@@ -224,14 +261,35 @@ def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Arr
         building.meshes[path, scale] = _made_mesh(building, path, scale)
     mesh, corners = building.meshes[path, scale]
     position, turn = _in_simulation(within)
-    body.add_geom(
-        name=_PREFIX + node.id,
+    _add_shape(
+        building,
+        node,
+        body,
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=mesh,
         pos=position,
         quat=_quaternion(turn),
     )
     building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
+
+
+def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: Any) -> None:
+    made |= {"name": _PREFIX + node.id}
+    friction = _nearest(building, node, "friction")
+    if friction is not None:
+        made |= {"friction": (friction, *_ROLLING)}
+    shape = body.add_geom(**made)
+    if body.name == "world":
+        building.fixed[_PREFIX + node.id] = shape, made
+
+
+def _nearest(building: _Building, node: Node, key: str) -> float | None:
+    """A parameter of a node, or of the next node above it that has it."""
+    while key not in building.parameters.get(node.id, {}):
+        if not node.parent:
+            return None
+        node = building.tree.node(node.parent)
+    return building.parameters[node.id][key]
 
 
 def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tuple[str, Array]:
@@ -244,45 +302,65 @@ def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tup
     return name, np.array(list(itertools.product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
 
 
-def _weigh(body: mujoco.MjsBody, boxes: list[Array]) -> None:
+def _weigh(building: _Building, body: mujoco.MjsBody) -> None:
     """Give a body the inertia of the box around its shapes: MuJoCo wants one of each body that moves."""
-    body.mass = body.mass or _LINK_MASS
+    node = building.tree.node(body.name.removeprefix(_PREFIX))
+    usual, least = (_BASE_MASS, _LEAST_BASE) if node.tag in BASES else (_MASS, _LEAST_EXTENT)
+    told = _number(node.values["mass"]) if node.values.get("engine") == "bullet" else 0.0
+    body.mass = building.parameters.get(node.id, {}).get("mass") or told or usual
+    boxes = building.boxes.get(body.name, [])
     corners = np.concatenate(boxes) if boxes else np.zeros((1, 3))
     low, high = corners.min(axis=0), corners.max(axis=0)
-    x, y, z = np.maximum(high - low, _LEAST_EXTENT) ** 2
+    x, y, z = np.maximum(high - low, least) ** 2
     body.ipos, body.inertia = (low + high) / 2, body.mass / 12 * np.array((y + z, x + z, x + y))
     body.explicitinertial = True
 
 
 def _compiled(building: _Building) -> Scene:
-    tree = building.tree
-    try:
-        model = building.spec.compile()
-    except ValueError as exc:
-        raise InnerModelError(f"MuJoCo refuses the scene: {exc}") from exc
+    tree, model = building.tree, _model(building.spec)
+    start = _start(building, model)
+    driving = {_PREFIX + name for name in building.bases}
+    if part(building.spec, model, start, building.trees, building.fixed, driving):
+        model = _model(building.spec)
     frames = {}
     for name, (body, pose) in building.frames.items():
         position, turn = _in_simulation(pose)
         frames[name] = Frame(model.body(body).id, turn, position)
     bases = {name: _base(model, tree.node(name)) for name in building.bases}
     joints = {name: _joint(model, tree.node(name)) for name in building.joints}
-    start = model.qpos0.copy()
-    for base in bases.values():
-        node = tree.node(base.name)
-        x, _, z = _three(node, "t")
-        start[[base.x, base.z, base.turn]] = x / 1000.0, z / 1000.0, _three(node, "r")[1]
-    for joint in joints.values():
-        place = tree.position(joint.name)
-        start[joint.place] = place / 1000.0 + joint.offset if joint.slides else place
+    forces = {_PREFIX + name: values["force"] for name, values in building.parameters.items() if "force" in values}
+    servos.tune(model, start, forces)
     shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(model.ngeom))
     stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
     return Scene(model, frames, bases, joints, start, shapes, stops)
 
 
+def _model(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as exc:
+        raise InnerModelError(f"MuJoCo refuses the scene: {exc}") from exc
+
+
+def _start(building: _Building, model: mujoco.MjModel) -> Array:
+    """The vector of positions as the file has them."""
+    start: Array = model.qpos0.copy()
+    for name in building.bases:
+        node, base = building.tree.node(name), _base(model, building.tree.node(name))
+        x, _, z = _three(node, "t")
+        start[[base.x, base.z, base.turn]] = x / 1000.0, z / 1000.0, _three(node, "r")[1]
+    for name in building.joints:
+        joint = _joint(model, building.tree.node(name))
+        start[joint.place] = joint.place_of(building.tree.position(name))
+    return start
+
+
 def _base(model: mujoco.MjModel, node: Node) -> Base:
     x, z, turn = (int(model.joint(f"{_PREFIX}{node.id}.{each}").qposadr[0]) for each in ("x", "z", "turn"))
     noise, collides = _number(node.values["noise"]), bool(node.values["collide"])
-    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, _shapes(model, _PREFIX + node.id))
+    servo = model.actuator(servos.of_base(_PREFIX + node.id)).id
+    shapes = _shapes(model, _PREFIX + node.id)
+    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, shapes, servo)
 
 
 def _shapes(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
@@ -300,7 +378,8 @@ def _joint(model: mujoco.MjModel, node: Node) -> Joint:
     low, high, home = (_number(node.values[each]) for each in ("min", "max", "home"))
     slides = node.tag == "prismaticjoint"
     offset = _number(node.values["offset"]) / 1000.0 if slides else 0.0
-    return Joint(node.id, place, slides, offset, low, high, home)
+    freedom = int(model.joint(_PREFIX + node.id).dofadr[0])
+    return Joint(node.id, place, freedom, slides, offset, low, high, home, model.actuator(_PREFIX + node.id).id)
 
 
 def _in_simulation(pose: Array) -> tuple[Array, Array]:

@@ -1,5 +1,8 @@
 """A simulated scene: it goes on in ticks, and is the same every time.
 
+With physics off, bases and joints move as they are told, and all else stays where it is. With physics on, bodies have
+weight, shapes are solid, and motors have to move them.
+
 Lengths are in mm, angles in rad, times in s; axes are those of InnerModel: x to the right, y up, z ahead, and turns to
 the right. The state is all in a `World`, so its copy is a world of its own, which goes on in the same way.
 """
@@ -16,17 +19,20 @@ from typing import TypeVar
 import mujoco
 import numpy as np
 
+from ..errors import RobocompError
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
-from .bases import Drive, Pose, Speed, moved
+from .bases import Drive, Pose, Speed, between, moved
 from .build import build
 from .devices.laser import Laser
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .noise import normal
+from .parameters import Parameters
+from .servos import lag
 
 TICK = 0.005
 """Length of a tick, s."""
@@ -34,31 +40,53 @@ TICK = 0.005
 HOLD = 1.0
 """How long a base goes on at a speed that it was told, s."""
 
+_LEAST_FACTOR = 0.01
+"""The least part of a base's speed that noise leaves."""
+
 _TOUCH = 1e-9
 """How much deeper than before a shape of a base may be in another one, m."""
 
 _FARTHEST = 1e9
 """mm or rad, also a second: a base does not go on beyond this, 1000 km."""
 
+_UNSTABLE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
 T = TypeVar("T")
+
+
+_logging = mujoco.MjLogConfig.get()
+_logging.logto_file = False  # of warnings, into the folder of whatever imports this: exceptions tell them
+_logging.set()
+
+
+class SimulationError(RobocompError):
+    """Physics has no result for a scene: its state is no longer one that could be."""
 
 
 class World:
     """A scene and its state. One thread uses it at a time."""
 
     def __init__(
-        self, tree: Tree, *, seed: int = 0, tick: float = TICK, hold: float = HOLD, without_meshes: bool = False
+        self,
+        tree: Tree,
+        *,
+        seed: int = 0,
+        tick: float = TICK,
+        hold: float = HOLD,
+        without_meshes: bool = False,
+        physics: bool = False,
+        parameters: Parameters | None = None,
     ) -> None:
         """Begin with all as the tree has it.
 
-        A base stops `hold` seconds after it was last told a speed; 0: never. Raises InnerModelError for a mesh or a
-        sensor that cannot be used.
+        A base stops `hold` seconds after it was last told a speed; 0: never. About `parameters` see
+        `sim.parameters`. Raises InnerModelError for a mesh or a sensor that cannot be used, and for wrong parameters.
         """
         if not tick > 0.0 or not hold >= 0.0:
             raise ValueError(f"a tick of {tick} s, and a hold of {hold} s")
         self._tree, self._seed, self._tick = tree.copy(), seed, tick
         self._hold = round(hold / tick)
-        self._scene = build(self._tree, tick, without_meshes=without_meshes)
+        self._scene = build(self._tree, tick, without_meshes=without_meshes, parameters=parameters)
         self._lasers = {
             name: Laser(self._tree.node(name), self._scene.frames[name])
             for name in self._tree.ids
@@ -66,13 +94,17 @@ class World:
         }
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
+        self._physics = physics
         self._drives: dict[str, Drive] = {}
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
         self.reset(seed)
 
     def reset(self, seed: int | None = None) -> None:
-        """Begin again at tick 0, with all as the tree had it; with another seed if one is given."""
+        """Begin again at tick 0, with all as the tree had it; with another seed if one is given.
+
+        Physics stays on or off.
+        """
         self._seed = self._seed if seed is None else seed
         mujoco.mj_resetData(self._scene.model, self._data)
         self._data.qpos[:] = self._scene.start
@@ -110,6 +142,20 @@ class World:
         return self._ticks * self._tick
 
     @property
+    def physics(self) -> bool:
+        """Whether bodies have weight and shapes are solid."""
+        return self._physics
+
+    def set_physics(self, on: bool) -> None:
+        """Switch physics on or off. All is where it was, and at rest; joints that move go on."""
+        if on == self._physics:
+            return
+        self._physics = on
+        self._data.qvel[:] = 0.0
+        for name, motor in self._motors.items():
+            self._motors[name] = motor._replace(position=self.position(name))
+
+    @property
     def bases(self) -> list[str]:
         return list(self._scene.bases)
 
@@ -123,8 +169,10 @@ class World:
 
     def digest(self) -> str:
         """A hash of the whole state: worlds with the same one go on alike, if they are told the same."""
-        made = hashlib.sha256(struct.pack("<qq", self._ticks, self._seed))
-        made.update(self._data.qpos.tobytes() + self._data.qvel.tobytes())
+        made = hashlib.sha256(struct.pack("<qq?", self._ticks, self._seed, self._physics))
+        data = self._data
+        for array in (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.tree_asleep, data.eq_active):
+            made.update(array.tobytes())
         for name, drive in sorted(self._drives.items()):
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
@@ -147,8 +195,9 @@ class World:
     def move_joint(self, joint: str, position: float, speed: float = 0.0) -> float:
         """Move a joint to a position in rad, or mm if it slides, at rad/s or mm/s; a speed of 0: at once.
 
-        Returns where it will end, within its limits. Raises InnerModelError if there is no such joint, and ValueError
-        for numbers that are not finite, or too large for messages.
+        With physics on, at once is as fast as its motor can. Returns where it will end, within its limits. Raises
+        InnerModelError if there is no such joint, and ValueError for numbers that are not finite, or too large for
+        messages.
         """
         self.move_joints({joint: (position, speed)})
         found = self._scene.joints[joint]
@@ -223,8 +272,11 @@ class World:
 
     def joint_speed(self, joint: str) -> float:
         """Of a joint: rad/s, or mm/s if it slides."""
-        _known("joint", joint, self._scene.joints)
-        return self._motors[joint].speed
+        found = _known("joint", joint, self._scene.joints)
+        if not self._physics:
+            return self._motors[joint].speed
+        speed = float(self._data.qvel[found.freedom])
+        return speed * 1000.0 if found.slides else speed
 
     def matrix(self, node: str, seen_from: str = "root") -> Array:
         """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""
@@ -256,8 +308,11 @@ class World:
             for name, motor in self._motors.items():
                 if motor.goal is not None:
                     self._turn(name, motor)
-            for name, drive in self._drives.items():
-                self._advance(name, drive)
+            if self._physics:
+                self._act()
+            else:
+                for name, drive in self._drives.items():
+                    self._advance(name, drive)
         self._update()
 
     def _turn(self, name: str, motor: Motor) -> None:
@@ -265,19 +320,50 @@ class World:
         low, high = max(found.low, -_FARTHEST), min(found.high, _FARTHEST)
         self._hold_joint(name, motor_moved(motor, self._tick, low, high))
 
-    def _advance(self, name: str, drive: Drive) -> None:
+    def _act(self) -> None:
+        """Let physics move everything for a tick."""
+        for name, motor in self._motors.items():
+            joint = self._scene.joints[name]
+            self._data.ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
+        told = {}
+        for name, drive in self._drives.items():
+            self._expire(name, drive)
+            base, factors = self._scene.bases[name], self._factors(name)
+            told[name] = self._pose(name), factors
+            ahead, aside, turn = (one * factor for one, factor in zip(drive.speed, factors, strict=True))
+            self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
+        mujoco.mj_step(self._scene.model, self._data)
+        if any(self._data.warning[each].number for each in _UNSTABLE):
+            raise SimulationError(
+                f"physics became unstable after {self.time:.3f} s: shapes may overlap, or masses may differ too much"
+            )
+        for name, (before, factors) in told.items():
+            drive, did = self._drives[name], between(before, self._pose(name), self._tick)
+            by_wheels = Speed(*(one / factor for one, factor in zip(did, factors, strict=True)))
+            drive.odometry = moved(drive.odometry, by_wheels, self._tick)
+            drive.corrected = moved(drive.corrected, by_wheels, self._tick)
+
+    def _expire(self, name: str, drive: Drive) -> None:
+        """Stop a base that was not told a speed again, or that is too far away."""
         if drive.expires is not None and self._ticks > drive.expires:
             drive.speed, drive.expires = Speed(), None
+        if any(drive.speed) and max(map(abs, (*self._pose(name), *drive.odometry, *drive.corrected))) > _FARTHEST:
+            drive.speed, drive.expires = Speed(), None
+
+    def _factors(self, name: str) -> tuple[float, ...]:
+        """What noise makes of the parts of a base's speed; wheels do not stand still because of it."""
+        deviation = self._noise.get(name, 0.0)
+        if not deviation:
+            return 1.0, 1.0, 1.0
+        factors = 1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)
+        return tuple(np.copysign(np.maximum(np.abs(factors), _LEAST_FACTOR), factors).tolist())
+
+    def _advance(self, name: str, drive: Drive) -> None:
+        self._expire(name, drive)
         if not any(drive.speed):
             return
-        base, before = self._scene.bases[name], self._pose(name)
-        if max(map(abs, (*before, *drive.odometry, *drive.corrected))) > _FARTHEST:
-            drive.speed, drive.expires = Speed(), None
-            return
-        speed, deviation = drive.speed, self._noise.get(name, 0.0)
-        if deviation:
-            factors = 1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)
-            speed = Speed(*(float(one * factor) for one, factor in zip(speed, factors, strict=True)))
+        base, before, factors = self._scene.bases[name], self._pose(name), self._factors(name)
+        speed = Speed(*(one * factor for one, factor in zip(drive.speed, factors, strict=True)))
         if base.collides:
             depths = self._depths(name)
             self._place(name, moved(before, speed, self._tick))
@@ -312,9 +398,11 @@ class World:
         self._data.qpos[[found.x, found.z, found.turn]] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
 
     def _hold_joint(self, name: str, motor: Motor) -> None:
+        """Let a joint be where its motor is; with physics on, its servo leads it there."""
         self._motors[name] = motor
-        found, position = self._scene.joints[name], motor.position
-        self._data.qpos[found.place] = position / 1000.0 + found.offset if found.slides else position
+        if not self._physics:
+            joint = self._scene.joints[name]
+            self._data.qpos[joint.place] = joint.place_of(motor.position)
 
     def _update(self) -> None:
         mujoco.mj_kinematics(self._scene.model, self._data)

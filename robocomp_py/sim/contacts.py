@@ -1,0 +1,88 @@
+"""What does not touch while physics is on: the parts of one robot, and what a robot stands on or is mounted on."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Set
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..innermodel.axes import Array
+
+_APART = 0.001
+"""What is nearer than this at the beginning touches, m."""
+
+
+def part(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    start: Array,
+    trees: Mapping[str, str],
+    fixed: Mapping[str, tuple[mujoco.MjsGeom, dict[str, Any]]],
+    driving: Set[str],
+) -> bool:
+    """Exclude contacts in a model that is about to be compiled again; whether there are any.
+
+    `start` are the positions at the beginning, `trees` the top of each body, `fixed` the shapes of the world, and
+    `driving` the bodies of bases.
+    """
+    shaped = {model.body(body).name for body in model.geom_bodyid}
+    pairs = [
+        pair for pair in itertools.combinations(trees, 2) if trees[pair[0]] == trees[pair[1]] and shaped >= {*pair}
+    ]
+    grounds = _grounds(model, start, trees, driving)
+    for shape in sorted({shape for _, shape in grounds}):
+        geom, made = fixed[shape]
+        spec.delete(geom)
+        spec.worldbody.add_body(name=shape).add_geom(**made)
+    for one, other in (*pairs, *sorted(grounds)):
+        spec.add_exclude(bodyname1=one, bodyname2=other)
+    return bool(pairs or grounds)
+
+
+def _grounds(model: mujoco.MjModel, start: Array, trees: Mapping[str, str], driving: Set[str]) -> set[tuple[str, str]]:
+    """Bodies of robots, and shapes of the world that they touch at the beginning.
+
+    What a base drives on may have several parts: all that is as low as what is under its origin.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = start
+    mujoco.mj_kinematics(model, data)
+    still = np.flatnonzero(model.geom_bodyid == 0)
+    low, high = _extents(model, data, still)
+    found = set()
+    for body in trees:
+        number = model.body(body).id
+        if model.body(trees[body]).jntnum[0] and model.jnt_type[model.body(trees[body]).jntadr[0]] == 0:
+            continue  # a free body rests on what it touches
+        touched = _touched(model, data, np.flatnonzero(model.geom_bodyid == number), still)
+        if body in driving:
+            above = ((low <= data.xpos[number]) & (data.xpos[number] <= high))[:, :2].all(axis=1) & touched
+            if above.any():
+                touched |= high[:, 2] <= high[above, 2].max() + _APART
+        found |= {(body, model.geom(shape).name) for shape in still[touched].tolist()}
+    return found
+
+
+def _touched(
+    model: mujoco.MjModel, data: mujoco.MjData, own: NDArray[np.intp], others: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Which of the others touch one of the own, shape (len(others),)."""
+    touched = np.zeros(len(others), dtype=bool)
+    for one in own.tolist():
+        reach = model.geom_rbound[one] + model.geom_rbound[others] + _APART
+        apart = np.linalg.norm(data.geom_xpos[others] - data.geom_xpos[one], axis=1)
+        for near in np.flatnonzero((apart < reach) & ~touched).tolist():
+            touched[near] = mujoco.mj_geomDistance(model, data, one, others[near], 1.0, None) < _APART
+    return touched
+
+
+def _extents(model: mujoco.MjModel, data: mujoco.MjData, shapes: NDArray[np.intp]) -> tuple[Array, Array]:
+    """The lowest and highest coordinates of shapes, each of shape (len(shapes), 3), m."""
+    turns = data.geom_xmat[shapes].reshape(-1, 3, 3)
+    middle = data.geom_xpos[shapes] + (turns @ model.geom_aabb[shapes, :3, None])[..., 0]
+    half = (np.abs(turns) @ model.geom_aabb[shapes, 3:, None])[..., 0]
+    return middle - half, middle + half
