@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable
-from importlib.resources import files
 
-from lark import Lark, Token, Tree, UnexpectedInput, UnexpectedToken
-from lark.lexer import PatternRE, TerminalDef
+from lark import Token, Tree, UnexpectedInput, UnexpectedToken
 from lark.parsers.lalr_interactive_parser import InteractiveParser
+
+from .tables import Grammar, load, make
 
 STRANGE, END = "STRANGE", "$END"
 """The kinds of a character that begins no word, and of what comes last."""
@@ -27,37 +27,18 @@ class Unexpected(Exception):  # not derived from the errors in errors.py: it sta
 
 
 class Parser:
-    """The parser of one language. `name` is the package that holds its grammar.lark."""
+    """The parser of one language."""
 
-    def __init__(self, name: str) -> None:
-        package = files(__package__ or "")
-        self._values: dict[str, str] = {}
-        self._lark = Lark(
-            package.joinpath(name, "grammar.lark").read_text(encoding="utf-8"),
-            parser="lalr",
-            lexer="contextual",
-            maybe_placeholders=False,
-            propagate_positions=True,
-            import_paths=[str(package)],
-            edit_terminals=self._edit,
-        )
-        self.fixed = {each.name: self._values[each.name] for each in self._lark.terminals if each.name in self._values}
+    def __init__(self, grammar: Grammar) -> None:
+        tables = load(grammar) or make(grammar)
+        self._lark = tables.lark
+        self.fixed = tables.fixed
         """Keywords and marks, by their kinds."""
         marks = sorted((each for each in self.fixed.values() if not each[0].isalpha()), key=len, reverse=True)
         patterns = {each.name: each.pattern.value for each in self._lark.terminals}
         number = patterns.get("NUMBER") or patterns.get("INT") or "(?!)"
         shared = (r"[A-Za-z_]\w*", r'"[^"\n]*"', number, "|".join(map(re.escape, marks)))
         self._word = re.compile("|".join(f"(?:{each})" for each in shared), re.ASCII)
-
-    def _edit(self, terminal: TerminalDef) -> TerminalDef:
-        """Make keywords whole words with priority over names, but below a language's own kinds of words."""
-        terminal.priority *= 2
-        if terminal.pattern.type == "str":
-            self._values[terminal.name] = terminal.pattern.value
-            if terminal.pattern.value[0].isalpha():
-                terminal.pattern = PatternRE(rf"{terminal.pattern.value}(?![A-Za-z0-9_])", terminal.pattern.flags)
-                terminal.priority = 1
-        return terminal
 
     def parse(self, text: str, see: Callable[[Token], object] | None = None) -> Tree[Token]:
         """The tree of a text. Passes every word to `see`; raises Unexpected at the first that does not fit."""

@@ -35,6 +35,7 @@ from .mistakes import (
 )
 from .parsing import STRANGE, Parser, State, Unexpected
 from .source import Name, Source, Span
+from .tables import read_grammar
 
 MAX_CHARACTERS = 4_000_000
 MAX_NESTING = 100
@@ -253,7 +254,7 @@ class Grammar:
 
 @cache
 def _parser(name: str) -> Parser:
-    return Parser(name)
+    return Parser(read_grammar(name))
 
 
 def span_of(source: Source, token: Token) -> Span:
