@@ -100,6 +100,7 @@ def test_what_is_found_over_ice_is_a_configuration(tmp_path: Path) -> None:
 TRANSPORTS = DOCS / "guides" / "transports.md"
 
 
+@pytest.mark.tool  # needs nothing but time
 def test_the_smallest_transport_of_the_guide_keeps_the_contract(tmp_path: Path) -> None:
     for step in steps(TRANSPORTS):
         if isinstance(step, File):
