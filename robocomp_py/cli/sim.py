@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
 def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:
     from ..codegen.generate import scene_models, scene_specifics
     from ..contract.middleware import AUTO
-    from ..sim.serve.offers import used
+    from ..sim.serve.offers import CONTROL, used
 
     root: Path = options.output or Path(options.scene.stem)
     name = root.resolve().name
@@ -72,7 +72,7 @@ def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:
         wrong = starting.unfit(name, root) or starting.begin(
             root,
             f"{name.lower()}.cdsl",
-            scene_models(name.lower(), scene, used(found)),
+            scene_models(name.lower(), scene, used(found), CONTROL),
             partial(scene_specifics, scene=scene),
             options.middleware or AUTO,
         )

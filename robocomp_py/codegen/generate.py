@@ -93,11 +93,15 @@ def starter_specifics(model: Model, name: str) -> dict[PurePosixPath, str]:
     return {PurePosixPath(path): _render(kind, component=model.component, name=name) for path, kind in kinds.items()}
 
 
-def scene_models(lower: str, scene: str, interfaces: Sequence[str]) -> dict[str, str]:
-    """The models by file name of a component that simulates a scene and provides these interfaces."""
-    published = [each for each in interfaces if each.endswith("Pub")]
-    implemented = [each for each in interfaces if each not in published]
-    values = {"lower": lower, "scene": scene, "implemented": implemented, "published": published}
+def scene_models(lower: str, scene: str, devices: Sequence[str], own: Sequence[str]) -> dict[str, str]:
+    """The models by file name of a component that simulates a scene.
+
+    It provides the interfaces of its devices under the names of these, and others under its own name.
+    """
+    every = (*devices, *own)
+    published = [each for each in every if each.endswith("Pub")]
+    implemented = [each for each in every if each not in published]
+    values = {"lower": lower, "scene": scene, "implemented": implemented, "published": published, "own": own}
     return {f"{lower}.{kind}": _render(f"scene.{kind}.j2", **values) for kind in ("cdsl", "pdsl")}
 
 

@@ -26,7 +26,7 @@ from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed, between, moved
-from .build import build
+from .build import BASES, JOINTS, build
 from .devices.laser import Laser
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
@@ -92,6 +92,10 @@ class World:
             for name in self._tree.ids
             if self._tree.node(name).tag == "laser" and self._tree.node(name).values["measures"] != 0
         }
+        nodes = [self._tree.node(name) for name in self._tree.ids]
+        self._movable = [
+            each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
+        ]
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
         self._physics = physics
@@ -166,6 +170,11 @@ class World:
     @property
     def lasers(self) -> list[str]:
         return list(self._lasers)
+
+    @property
+    def movable(self) -> list[str]:
+        """The nodes that can move within their parents: bases, joints, and bodies that move freely."""
+        return list(self._movable)
 
     def digest(self) -> str:
         """A hash of the whole state: worlds with the same one go on alike, if they are told the same."""

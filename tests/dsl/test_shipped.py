@@ -60,7 +60,15 @@ PUBLIC = {
 }
 """Fingerprint of each operation, types and exceptions included, as computed from RoboComp's `interfaces/IDSLs`."""
 
-OURS = {"BatteryStatusPub", "CameraSimplePub", "DifferentialRobotPub", "Introspection", "IntrospectionPub"}
+OURS = {
+    "BatteryStatusPub",
+    "CameraSimplePub",
+    "DifferentialRobotPub",
+    "Introspection",
+    "IntrospectionPub",
+    "Simulation",
+    "SimulationPub",
+}
 """Interfaces that RoboComp does not have."""
 
 ADDED = {"CommonBehavior.getActiveStates", "CommonBehavior.getStatus"}

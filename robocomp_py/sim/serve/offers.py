@@ -18,6 +18,9 @@ INTERFACES = {
 MOTORS = ("JointMotor", "JointMotorPub")
 """The interfaces of the joints of one port."""
 
+CONTROL = ("Simulation", "SimulationPub")
+"""The interfaces of the component itself."""
+
 
 def motors(tree: Tree) -> dict[str, list[str]]:
     """The joints that are provided together, those of one `port`, by the name of their instance: `joints10067`.

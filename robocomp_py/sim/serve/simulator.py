@@ -18,11 +18,12 @@ from ...contract.interface import Interface
 from ...errors import ConfigurationError
 from ...innermodel.tree import Tree
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
-from ...runtime.worker import Worker
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
+from .control import Controlled, Progress
 from .lasers import LaserHandler, scanned
 from .motors import JointMotorHandler, states
 from .offers import motors, names_of, offers
+from .pace import Pace
 from .values import filled, operation
 
 try:
@@ -32,19 +33,16 @@ except ImportError as exc:
 
 log = logging.getLogger("robocomp.sim")
 
-_MOST_MADE_UP = 1.0
-"""How much time one `compute` makes up for at most, s."""
 
-
-class Simulator(Worker[Any]):
+class Simulator(Controlled):
     """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
 
     Each device is a named instance with the id of its node: `front/Laser`. All joints with one `port` are one instance:
     `joints10067/JointMotor`; those without a port are `joints/JointMotor`. Interfaces that the CDSL does not have are
-    not provided. The scene follows the clock of the component, and `compute` publishes scans and the states of bases.
-    """
+    not provided. The scene follows the clock of the component, and `compute` publishes what the devices tell.
 
-    world: World
+    It also has the handlers of Simulation, for a CDSL that implements it, and publishes SimulationPub.
+    """
 
     def initialize(self) -> None:
         """Read the scene, and add its devices."""
@@ -55,7 +53,7 @@ class Simulator(Worker[Any]):
         self._motors = motors(self._tree)
         self._go_home()
         self.world = World(self._tree, seed=self.params.seed, without_meshes=self.params.without_meshes)
-        self._began = self.now()
+        self._pace = Pace(self.world.tick, self.now())
         self._publications: list[Callable[[], None]] = []
         found = offers(self._tree)
         for port in self.component.named:
@@ -67,22 +65,17 @@ class Simulator(Worker[Any]):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
                     self._publications.append(self._publication(port, name, instances.add(name)))
+        for port in self.component.ports:
+            if port.interface.short == "SimulationPub" and port not in self.component.named:
+                self._publications.append(
+                    partial(_tell, Progress(self.world, self._pace, port), getattr(self, port.attribute))
+                )
 
     def compute(self) -> None:
         """Go on to the present time, and publish."""
-        self._follow()
+        self.follow()
         for publish in self._publications:
             publish()
-
-    def _follow(self) -> None:
-        """Go on to the time of the clock; of a long delay only the last part is made up for."""
-        passed = (self.now() - self._began) / 1e9
-        late = passed - self.world.time - _MOST_MADE_UP
-        if late > 0.0:
-            self._began += round(late * 1e9)
-            passed -= late
-            log.warning("the scene is %.1f s late and leaves them out: it has too much to compute", late)
-        self.world.step(max(0, round(passed / self.world.tick) - self.world.ticks))
 
     def _go_home(self) -> None:
         """Put joints whose file names a `home` there, if they are provided."""
@@ -127,3 +120,7 @@ class Simulator(Worker[Any]):
         while name and name not in self.world.bases:
             name = self._tree.node(name).parent
         return name
+
+
+def _tell(progress: Progress, proxy: Any) -> None:
+    proxy.advanced(*progress.take())

@@ -1,0 +1,144 @@
+"""Simulation and SimulationPub: a scene is controlled, and tells how it goes on."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from ...contract.component import Port
+from ...contract.types import Sequence
+from ...innermodel import axes
+from ...innermodel.axes import Array
+from ...innermodel.read import InnerModelError
+from ...runtime.clock import Real
+from ...runtime.worker import Worker
+from .pace import Pace
+from .values import declared, filled, operation
+
+if TYPE_CHECKING:
+    from ..world import World
+
+_MOST_TICKS = 20_000
+"""Of one call of `step`."""
+
+_BUSY = 0.8
+"""The part of a period for which a scene goes on that is as fast as possible. Handlers run in the rest."""
+
+_CHUNK = 20
+"""Ticks between two looks at the clock, if the scene is as fast as possible."""
+
+
+class Controlled(Worker[Any]):
+    """The handlers of Simulation, for a component that implements it. They act on `self.world`."""
+
+    world: World
+    _pace: Pace
+
+    def follow(self) -> None:
+        """Go on to the present time, at the speed that was set."""
+        pace, world = self._pace, self.world
+        world.step(pace.follow(self.now(), world.ticks))
+        if pace.speed == 0.0 and not pace.is_paused:
+            end = time.monotonic() + _BUSY * self.period
+            while time.monotonic() < end:
+                world.step(_CHUNK)
+
+    def Simulation_now(self) -> Any:
+        """How far the scene is."""
+        return filled(self._result("now"), moment(self.world, self._pace))
+
+    def Simulation_step(self, count: int) -> Any:
+        """Go on by some ticks at once."""
+        if not 0 <= count <= _MOST_TICKS:
+            raise self._refusal("step", f"{count} ticks in one call: it is from 0 to {_MOST_TICKS}")
+        self.world.step(count)
+        return filled(self._result("step"), moment(self.world, self._pace))
+
+    def Simulation_pause(self) -> None:
+        """Stand still."""
+        self._pace.is_paused = True
+
+    def Simulation_resume(self) -> None:
+        """Go on after a pause."""
+        self._pace.is_paused = False
+
+    def Simulation_setSpeed(self, factor: float) -> None:
+        """Go on at a factor of the component's clock; 0: as fast as possible."""
+        if factor == 0.0 and not isinstance(self._clock, Real):
+            raise self._refusal(
+                "setSpeed",
+                "the scene follows the clock of its network, which is as fast as possible by itself; "
+                "0 needs the machine's clock",
+            )
+        try:
+            self._pace.set_speed(factor, self.now(), self.world.ticks)
+        except ValueError as exc:
+            raise self._refusal("setSpeed", str(exc)) from exc
+
+    def Simulation_reset(self, seed: int) -> None:
+        """Begin again, with noise of another seed."""
+        if seed < 0:
+            raise self._refusal("reset", f"a seed of {seed}: it is 0 or more")
+        self.world.reset(seed)
+
+    def Simulation_setNoise(self, id: str, sigma: float) -> None:
+        """Set the standard deviation of what disturbs a node."""
+        try:
+            self.world.set_noise(id, sigma)
+        except (InnerModelError, ValueError) as exc:
+            raise self._refusal("setNoise", str(exc)) from exc
+
+    def Simulation_poses(self, ids: list[str]) -> Any:
+        """Where nodes truly are; all that can move if none is named."""
+        kind = self._result("poses")
+        assert isinstance(kind, Sequence)
+        try:
+            matrices = {name: self.world.matrix(name) for name in ids or self.world.movable}
+        except InnerModelError as exc:
+            raise self._refusal("poses", str(exc)) from exc
+        return [filled(kind.item, pose(name, matrix)) for name, matrix in matrices.items()]
+
+    def _result(self, name: str) -> Any:
+        return operation(self._simulation().interface, name).outputs[0].type
+
+    def _refusal(self, name: str, text: str) -> Exception:
+        return declared(self._simulation().interface, name, "SimulationException", text)
+
+    def _simulation(self) -> Port:
+        return next(port for port in self.component.ports if port.interface.short == "Simulation")
+
+
+class Progress:
+    """What is published of a scene: how far it is, and what has moved since the message before."""
+
+    def __init__(self, world: World, pace: Pace, port: Port) -> None:
+        self._world, self._pace = world, pace
+        at, moved = (each.type for each in operation(port.interface, "advanced").inputs)
+        assert isinstance(moved, Sequence)
+        self._at, self._pose = at, moved.item
+        self._told: dict[str, bytes] = {}
+
+    def take(self) -> tuple[Any, list[Any]]:
+        """The arguments of the next message."""
+        matrices = {name: self._world.matrix(name) for name in self._world.movable}
+        moved = {name: matrix for name, matrix in matrices.items() if self._told.get(name) != matrix.tobytes()}
+        self._told = {name: matrix.tobytes() for name, matrix in matrices.items()}
+        poses = [filled(self._pose, pose(name, matrix)) for name, matrix in moved.items()]
+        return filled(self._at, moment(self._world, self._pace)), poses
+
+
+def moment(world: World, pace: Pace) -> dict[str, Any]:
+    """The fields of a Moment."""
+    return {
+        "tick": world.ticks,
+        "time": world.time,
+        "paused": pace.is_paused,
+        "speed": pace.speed,
+        "reached": pace.reached,
+    }
+
+
+def pose(name: str, matrix: Array) -> dict[str, Any]:
+    """The fields of a NodePose: mm and rad."""
+    numbers = (*matrix[:3, 3].tolist(), *axes.angles(matrix[:3, :3]).tolist())
+    return {"id": name, **dict(zip(("x", "y", "z", "rx", "ry", "rz"), numbers, strict=True))}

@@ -1,0 +1,171 @@
+"""A simulation from outside: its time, its noise, its beginning, and where everything is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robocomp_py.cli.rc import main as rc
+from robocomp_py.sim.serve.pace import Pace
+from robocomp_py.testing.components import ComponentTest, load_component
+
+SCENE = """\
+<innerModel>
+  <transform id="world">
+    <differentialrobot id="base" tx="500" noise="0.1">
+      <joint id="pan" ty="300" axis="y"><laser id="front" measures="2" angle="3.14" max="5000"/></joint>
+    </differentialrobot>
+  </transform>
+</innerModel>
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("control")
+    (folder / "room.xml").write_text(SCENE)
+    assert rc(["sim", "new", str(folder / "room.xml"), "-o", str(folder / "house")]) == 0
+    return folder / "house"
+
+
+@pytest.fixture(scope="module")
+def component(folder: Path) -> Iterator[ComponentTest]:
+    with ComponentTest(load_component(folder), virtual=True) as component:
+        yield component
+    assert component.fine
+
+
+@pytest.fixture
+def house(component: ComponentTest) -> ComponentTest:
+    component.call("Simulation.resume")
+    component.call("Simulation.setSpeed", 1.0)
+    component.call("Simulation.reset", 1)
+    return component
+
+
+def drive(house: ComponentTest, ahead: float) -> None:
+    house.worker.differentialrobot["base"].setSpeedBase(ahead, 0.0)
+
+
+def refusal(house: ComponentTest, operation: str, *arguments: object) -> str:
+    with pytest.raises(Exception, match=r".") as refused:
+        house.call(f"Simulation.{operation}", *arguments)
+    assert type(refused.value).__name__ == "SimulationException"
+    return str(refused.value)
+
+
+def test_it_stands_still_while_it_is_paused_and_goes_on_by_steps(house: ComponentTest) -> None:
+    house.call("Simulation.pause")
+    before = house.call("Simulation.now")
+    house.run(5.0)
+    now = house.call("Simulation.now")
+    assert (now.tick, now.paused) == (before.tick, True)
+    after = house.call("Simulation.step", 200)
+    assert (after.tick, after.time) == (before.tick + 200, pytest.approx(before.time + 1))
+    house.call("Simulation.resume")
+    house.run(1.0)
+    assert house.call("Simulation.now").tick == pytest.approx(after.tick + 200, abs=11)
+
+
+def test_it_goes_on_at_a_factor_of_the_clock(house: ComponentTest) -> None:
+    house.call("Simulation.setSpeed", 4.0)
+    before = house.call("Simulation.now")
+    house.run(10.0)
+    now = house.call("Simulation.now")
+    assert now.time - before.time == pytest.approx(40, abs=0.3)
+    assert (now.speed, now.reached) == (4.0, pytest.approx(4.0))
+
+
+def test_it_begins_again_with_another_seed(house: ComponentTest) -> None:
+    world, places = house.worker.world, set()
+    for seed in (1, 2, 1):
+        house.call("Simulation.reset", seed)
+        drive(house, 300.0)
+        house.call("Simulation.pause")
+        house.call("Simulation.step", 100)
+        places.add(world.matrix("base").tobytes())
+        house.call("Simulation.resume")
+    assert len(places) == 2
+
+
+def test_noise_is_set(house: ComponentTest) -> None:
+    house.call("Simulation.setNoise", "base", 0.0)
+    drive(house, 100.0)
+    house.call("Simulation.step", 100)
+    assert house.call("Simulation.poses", ["base"])[0].z == pytest.approx(50)
+
+
+def test_poses_are_true_and_seen_from_the_root(house: ComponentTest) -> None:
+    house.worker.world.move_joint("pan", 0.5)
+    base, pan = house.call("Simulation.poses", [])
+    assert (base.id, base.x, pan.id) == ("base", 500, "pan")
+    assert (pan.x, pan.y, pan.z, pan.rx, pan.ry, pan.rz) == pytest.approx((500, 300, 0, 0, 0.5, 0))
+    [front] = house.call("Simulation.poses", ["front"])
+    assert front.ry == pytest.approx(0.5)
+
+
+def test_what_has_moved_is_published(house: ComponentTest) -> None:
+    told: list[Any] = []
+
+    def latest() -> Any:
+        told[:] = house.received("simulationpub.advanced")
+        return told[-1]
+
+    house.run(1.0)
+    assert latest()[1] == []
+    house.worker.world.move_joint("pan", 0.25)
+    house.run(1.0)
+    assert latest()[0].tick == pytest.approx(house.call("Simulation.now").tick, abs=11)
+    moved = [poses for _, poses in told if poses]
+    assert [each.id for each in moved[0]] == ["base", "pan"]
+    assert [each.id for each in moved[-1]] == ["pan"]
+    assert moved[-1][0].ry == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("operation", "arguments", "text"),
+    [
+        ("step", (-1,), "-1 ticks in one call: it is from 0 to 20000"),
+        ("step", (20_001,), "20001 ticks in one call"),
+        ("setSpeed", (-1.0,), "a speed of -1: it is from 0, for as fast as possible, to 1000"),
+        ("setSpeed", (math.nan,), "a speed of nan"),
+        ("setSpeed", (0.0,), "0 needs the machine's clock"),
+        ("reset", (-1,), "a seed of -1: it is 0 or more"),
+        ("setNoise", ("bass", 1.0), "did you mean `base`?"),
+        ("setNoise", ("base", math.inf), "inf is no standard deviation"),
+        ("poses", (["base", "pann"],), "unknown node `pann`; did you mean `pan`?"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    operation: str, arguments: tuple[object, ...], text: str, house: ComponentTest
+) -> None:
+    before = house.worker.world.digest()
+    assert text in refusal(house, operation, *arguments)
+    assert house.worker.world.digest() == before
+
+
+def test_with_the_clock_of_the_machine_it_is_as_fast_as_it_can(folder: Path) -> None:
+    with ComponentTest(load_component(folder)) as house:
+        house.call("Simulation.setSpeed", 0.0)
+        house.wait_for(lambda: house.worker.world.time > 30.0)
+        assert house.call("Simulation.now").speed == 0.0
+    assert house.fine
+
+
+def test_of_a_long_delay_only_the_last_second_is_made_up_for(caplog: pytest.LogCaptureFixture) -> None:
+    pace = Pace(0.005, now=0)
+    assert pace.follow(50_000_000, 0) == 10
+    assert pace.follow(10_000_000_000, 10) == 200
+    assert "the scene is 9.0 s late" in caplog.text.replace("8.9", "9.0")
+    assert pace.follow(10_050_000_000, 210) == 10
+
+
+def test_who_steps_or_resets_the_scene_by_hand_owes_nothing() -> None:
+    pace = Pace(0.005, now=0)
+    assert pace.follow(1_000_000_000, 0) == 200
+    assert pace.follow(1_100_000_000, 0) == 0
+    assert pace.follow(1_200_000_000, 0) == 20
