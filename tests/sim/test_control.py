@@ -92,6 +92,17 @@ def test_it_begins_again_with_another_seed(house: ComponentTest) -> None:
     assert len(places) == 2
 
 
+def test_physics_is_switched(house: ComponentTest) -> None:
+    house.call("Simulation.setPhysics", True)
+    assert house.call("Simulation.now").physics
+    drive(house, 100.0)
+    before = house.worker.world.matrix("base")[2, 3]
+    house.call("Simulation.step", 100)
+    assert house.worker.world.matrix("base")[2, 3] > before + 10
+    house.call("Simulation.setPhysics", False)
+    assert not house.call("Simulation.now").physics
+
+
 def test_noise_is_set(house: ComponentTest) -> None:
     house.call("Simulation.setNoise", "base", 0.0)
     drive(house, 100.0)
@@ -146,6 +157,16 @@ def test_what_cannot_be_is_refused(
     before = house.worker.world.digest()
     assert text in refusal(house, operation, *arguments)
     assert house.worker.world.digest() == before
+
+
+def test_physics_and_what_it_needs_are_parameters(folder: Path) -> None:
+    settings: dict[str, Any] = {"params.physics": True, "params.bodies": [{"id": "pan", "mass": 3.0}]}
+    with ComponentTest(load_component(folder), settings, virtual=True) as house:
+        assert house.call("Simulation.now").physics
+    settings["params.bodies"] = [{"id": "pann", "mass": 3.0}]
+    with ComponentTest(load_component(folder), settings, virtual=True) as house:
+        pass
+    assert not house.fine
 
 
 def test_with_the_clock_of_the_machine_it_is_as_fast_as_it_can(folder: Path) -> None:

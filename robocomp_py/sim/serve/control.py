@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from typing import TYPE_CHECKING, Any
 
 from ...contract.component import Port
 from ...contract.types import Sequence
+from ...errors import RobocompError
 from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.read import InnerModelError
@@ -17,6 +19,8 @@ from .values import declared, filled, operation
 
 if TYPE_CHECKING:
     from ..world import World
+
+log = logging.getLogger("robocomp.sim")
 
 _MOST_TICKS = 20_000
 """Of one call of `step`."""
@@ -36,6 +40,13 @@ class Controlled(Worker[Any]):
 
     def follow(self) -> None:
         """Go on to the present time, at the speed that was set."""
+        try:
+            self._go_on()
+        except RobocompError as exc:
+            self._pace.is_paused = True
+            log.error("%s; the scene stands still until it is reset", exc)
+
+    def _go_on(self) -> None:
         pace, world = self._pace, self.world
         world.step(pace.follow(self.now(), world.ticks))
         if pace.speed == 0.0 and not pace.is_paused:
@@ -51,7 +62,10 @@ class Controlled(Worker[Any]):
         """Go on by some ticks at once."""
         if not 0 <= count <= _MOST_TICKS:
             raise self._refusal("step", f"{count} ticks in one call: it is from 0 to {_MOST_TICKS}")
-        self.world.step(count)
+        try:
+            self.world.step(count)
+        except RobocompError as exc:
+            raise self._refusal("step", str(exc)) from exc
         return filled(self._result("step"), moment(self.world, self._pace))
 
     def Simulation_pause(self) -> None:
@@ -80,6 +94,10 @@ class Controlled(Worker[Any]):
         if seed < 0:
             raise self._refusal("reset", f"a seed of {seed}: it is 0 or more")
         self.world.reset(seed)
+
+    def Simulation_setPhysics(self, on: bool) -> None:
+        """Switch physics on or off."""
+        self.world.set_physics(on)
 
     def Simulation_setNoise(self, id: str, sigma: float) -> None:
         """Set the standard deviation of what disturbs a node."""
@@ -133,6 +151,7 @@ def moment(world: World, pace: Pace) -> dict[str, Any]:
         "tick": world.ticks,
         "time": world.time,
         "paused": pace.is_paused,
+        "physics": world.physics,
         "speed": pace.speed,
         "reached": pace.reached,
     }

@@ -18,6 +18,7 @@ from ...contract.interface import Interface
 from ...errors import ConfigurationError
 from ...innermodel.tree import Tree
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
+from ..parameters import PARAMETERS
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .control import Controlled, Progress
 from .lasers import LaserHandler, scanned
@@ -52,7 +53,13 @@ class Simulator(Controlled):
             log.warning("%s", problem)
         self._motors = motors(self._tree)
         self._go_home()
-        self.world = World(self._tree, seed=self.params.seed, without_meshes=self.params.without_meshes)
+        self.world = World(
+            self._tree,
+            seed=self.params.seed,
+            without_meshes=self.params.without_meshes,
+            physics=self.params.physics,
+            parameters=self._parameters(),
+        )
         self._pace = Pace(self.world.tick, self.now())
         self._publications: list[Callable[[], None]] = []
         found = offers(self._tree)
@@ -76,6 +83,13 @@ class Simulator(Controlled):
         self.follow()
         for publish in self._publications:
             publish()
+
+    def _parameters(self) -> dict[str, dict[str, float]]:
+        """What the parameter `bodies` has, by the ids of nodes."""
+        return {
+            each.id: {name: value for name in PARAMETERS if (value := getattr(each, name)) >= 0.0}
+            for each in self.params.bodies
+        }
 
     def _go_home(self) -> None:
         """Put joints whose file names a `home` there, if they are provided."""
