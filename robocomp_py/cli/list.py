@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, print_table
+from .hosts import HERE, add_hosts, hosts_of
 from .live import EXIT_STATUS, add_json, add_middleware, reported
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ examples:
   rc list --channels            topics, queries and commands: who provides and who uses each
   rc list --topics --json       only topics, one a line, for machines
   rc list --all                 also the interfaces of the framework, such as CommonBehavior
+  rc list --host base           only this host of a network that rcdeploy runs here
+  rc list --network lab         this network's hosts, and this machine
 
 {EXIT_STATUS}
 """
@@ -32,7 +35,8 @@ _KINDS = {"topics": "publish", "queries": "query", "commands": "command"}
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
-        "List what runs now on this host, as its processes announce it. Neither models nor generated code are needed. "
+        "List what runs now on this host, and on the other hosts of networks that rcdeploy runs here, as processes "
+        "announce it. Neither models nor generated code are needed. "
         "Components that share one process and use no middleware are not seen."
     )
     to.epilog = _EXAMPLES
@@ -41,32 +45,38 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     for name in _KINDS:
         to.add_argument(f"--{name}", action="store_true", help=f"list {name} instead of components")
     to.add_argument("--all", action="store_true", help="also interfaces of the framework, and commands such as rc echo")
+    add_hosts(to)
     add_middleware(to)
     add_json(to)
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.census import take_census
-
-    with reported("rc list") as code:
-        network = take_census(options.middleware, own=options.all)
+    with reported("rc list") as code, hosts_of(options) as hosts:
+        network = hosts.census(options.middleware, own=options.all)
         kinds = [kind for name, kind in _KINDS.items() if getattr(options, name)]
         if options.channels or kinds:
-            return _channels(network, kinds or list(_KINDS.values()), as_json=options.json)
-        return _components(network.components(tools=options.all), as_json=options.json)
+            return hosts.code(_channels(network, kinds or list(_KINDS.values()), as_json=options.json))
+        found = network.components(tools=options.all)
+        return hosts.code(_components(found, as_json=options.json, with_hosts=bool(hosts.posts)))
     return code()
 
 
-def _components(found: list[Running], *, as_json: bool) -> int:
+def _components(found: list[Running], *, as_json: bool, with_hosts: bool) -> int:
     if as_json:
         for each in found:
             print(json.dumps(asdict(each)))
     elif found:
         rows = [
-            (each.owner or "?", str(each.pid), *map(_listed, (each.middlewares, each.offers, each.uses)))
+            (
+                each.owner or "?",
+                *([each.host or HERE] if with_hosts else ()),
+                str(each.pid),
+                *map(_listed, (each.middlewares, each.offers, each.uses)),
+            )
             for each in found
         ]
-        print_table(("component", "process", "over", "offers", "uses"), rows, wrapped=("offers", "uses"))
+        where = ("host",) if with_hosts else ()
+        print_table(("component", *where, "process", "over", "offers", "uses"), rows, wrapped=("offers", "uses"))
     return _told(bool(found))
 
 
@@ -96,7 +106,7 @@ def _channels(network: Network, kinds: list[str], *, as_json: bool) -> int:
 
 def _told(found: bool) -> int:
     if not found:
-        print("rc list: nothing of this kind runs on this host", file=sys.stderr)
+        print("rc list: nothing of this kind runs here", file=sys.stderr)
     return FINE if found else WRONG
 
 

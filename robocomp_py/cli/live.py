@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .common import FINE, USAGE, WRONG
+from .common import FINE, UNREACHABLE, USAGE, WRONG
 from .completing import What, completed
 
 if TYPE_CHECKING:
@@ -27,7 +27,10 @@ TOPIC = "world/LaserPub/pushLaserData, or a part of such a name"
 COMPONENT = "robot1/wander, or its last part"
 """What names may be, for the help of commands."""
 
-EXIT_STATUS = "exit status: 0 done, 1 nothing is there or was heard, or the call failed, 2 usage, 130/143 by a signal"
+EXIT_STATUS = (
+    "exit status: 0 done, 1 nothing is there or was heard, or the call failed, 2 usage, 3 a host is out of reach, "
+    "130/143\nby a signal"
+)
 
 _LONGEST = 8
 """Items of a sequence that are shown, unless all are wanted."""
@@ -99,7 +102,7 @@ def add_request(to: argparse.ArgumentParser) -> None:
 @contextmanager
 def reported(command: str) -> Iterator[Callable[[], int]]:
     """Report expected errors. The function tells the exit code afterwards."""
-    from ..errors import ConfigurationError, RobocompError
+    from ..errors import ConfigurationError, HostUnreachable, RobocompError
     from ..installed import asked_once
 
     code = 0
@@ -107,7 +110,8 @@ def reported(command: str) -> Iterator[Callable[[], int]]:
         with asked_once():
             yield lambda: code
     except (Absent, RobocompError) as exc:
-        code = USAGE if isinstance(exc, ConfigurationError) else WRONG
+        codes = {ConfigurationError: USAGE, HostUnreachable: UNREACHABLE}
+        code = next((number for kind, number in codes.items() if isinstance(exc, kind)), WRONG)
         print(f"{command}: {exc}", file=sys.stderr)
 
 

@@ -31,6 +31,7 @@ from .hosts.lines import BEAT, LONGEST, SILENCE, VERSION, Lines, Message, packed
 from .launcher.local import Launcher
 from .place import AlreadyRuns, Place, made_in
 from .process import Process
+from .scouts import Scouts
 from .sockets import connected, listening
 
 GRACE = 4.0
@@ -89,6 +90,11 @@ class Session:
                 self._dropped = 0
         self._writer.write(packed(message))
 
+    async def send_when_read(self, **message: Any) -> None:
+        """Send a message once most of what was sent before has left. Raises OSError if the controller has gone."""
+        await self._writer.drain()
+        self.send(**message)
+
     async def close(self) -> None:
         with contextlib.suppress(OSError, TimeoutError):
             async with asyncio.timeout(BEAT):
@@ -131,6 +137,7 @@ class Agent(Listener):
         self._error: BaseException | None = None
         self._server: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[None]] = set()
+        self._scouts = Scouts(self._environment)
 
     async def run(self, first: Session, found_at: socket.socket) -> None:
         """Run until told to close, or until the controller is lost."""
@@ -181,6 +188,7 @@ class Agent(Listener):
         await session.close()
         if session is self._session:
             self._session = None
+            await self._scouts.close()
             await self._alone()
         elif self._launcher is None and self._session is None:
             self._ended.set()  # the controller has left before it sent a command
@@ -200,6 +208,7 @@ class Agent(Listener):
             if now - max(session.heard_at, awake_since) > SILENCE:
                 self._session = None
                 self._task(session.close())
+                self._task(self._scouts.close())
                 self._task(self._alone())
 
     async def _alone(self) -> None:
@@ -225,6 +234,7 @@ class Agent(Listener):
 
     async def _close(self) -> None:
         self._leave()
+        await self._scouts.close()
         launcher, self._launcher = self._launcher, None
         try:
             if launcher:
@@ -265,8 +275,24 @@ class Agent(Listener):
                 self._launcher.stop(message["name"])
             case "kill":
                 self._launcher.kill(message["name"])
+            case "scout":
+                self._scout(session, int(message["id"]))
+            case "scout_line":
+                self._scouts.say(int(message["id"]), str(message["line"]))
+            case "scout_end":
+                self._scouts.end(int(message["id"]))
             case "close":
                 await self._close()
+
+    def _scout(self, session: Session, number: int) -> None:
+        self._scouts.begin(
+            number,
+            lambda line: session.send_when_read(tell="scout_line", id=number, line=line),
+            lambda why: session.send(tell="scout_end", id=number, why=why),
+        )
+
+    def _environment(self) -> Mapping[str, str]:
+        return self._launcher.environment() if self._launcher else os.environ
 
     async def _open(self, session: Session, message: Message) -> None:
         if not await self._is_free(message["controller"]):
@@ -277,6 +303,7 @@ class Agent(Listener):
         stays = message["names"] if other or self._keep else ()
         self._session, session.controller = session, message["controller"]
         if other and other is not session:
+            await self._scouts.close()
             await other.close()
         self._keep = bool(message["keep"])
         if self._launcher is None:

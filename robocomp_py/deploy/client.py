@@ -11,7 +11,7 @@ import re
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -123,6 +123,17 @@ class Connection:
         with contextlib.suppress(OSError):  # the other side has closed it
             self._socket.shutdown(socket.SHUT_RDWR)
 
+    @property
+    def is_ended(self) -> bool:
+        """Whether `end` was called."""
+        return self._is_ended
+
+    def writing(self) -> socket.socket:
+        """The same connection, for a thread that writes while another one reads; to be closed."""
+        made = self._socket.dup()
+        made.settimeout(ANSWER_TIMEOUT_S)
+        return made
+
     def ask(self, do: str, **more: Any) -> dict[str, Any]:
         """Send a command. Raises DeploymentError, with the reason, if it is refused.
 
@@ -211,7 +222,7 @@ class Connection:
         line, _, self._rest = self._rest.partition(b"\n")
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
-            raise DeploymentError(answer["error"])
+            raise (HostUnreachable if answer.get("unreachable") else DeploymentError)(answer["error"])
         return answer
 
     def status(self) -> Snapshot:
@@ -224,6 +235,59 @@ class Connection:
     def _process(self) -> str:
         runner = Place(self.network).runner()
         return f" (process {runner.pid})" if runner and runner.pid else ""
+
+
+class ScoutLine:
+    """A connection to a scout that starts with it, on another host of a running network; see `tools.posts`.
+
+    One thread may read, while others write.
+    """
+
+    def __init__(self, network: str, host: str) -> None:
+        """Raises HostUnreachable, and what making a connection raises."""
+        self._host = host
+        with contextlib.ExitStack() as end:
+            self._connection = end.enter_context(Connection(network))
+            self._connection.ask("scout", host=host)
+            self._writing = self._connection.writing()
+            end.pop_all()
+
+    def say(self, message: Mapping[str, Any]) -> None:
+        """Raises HostUnreachable if the connection is lost, or takes nothing."""
+        try:
+            self._writing.sendall(json.dumps(message).encode() + b"\n")
+        except OSError as exc:
+            raise HostUnreachable(f"{self._host}: its scout takes no questions: {exc.strerror or exc}") from exc
+
+    def told(self) -> dict[str, Any] | None:
+        """The next answer, or `{"dropped": NUMBER}`, however long it takes; None once this is closed.
+
+        Raises HostUnreachable if the host is lost, and DeploymentError if its scout has ended otherwise, or says what
+        is no answer.
+        """
+        answer = self._connection.answer(None)
+        if answer is None:
+            if self._connection.is_ended:
+                return None
+            raise HostUnreachable(f"{self._host}: the connection to the network that runs there was lost")
+        if answer.get("end"):
+            raise (HostUnreachable if answer.get("unreachable") else DeploymentError)(answer["why"])
+        if "heard" not in answer:
+            return answer
+        try:
+            said = json.loads(answer["heard"])
+        except (ValueError, RecursionError) as exc:
+            raise DeploymentError(f"{self._host}: its scout says what is not understood") from exc
+        return said if isinstance(said, dict) else {}
+
+    def close(self) -> None:
+        """Let a thread that reads go on, too. Idempotent."""
+        self._connection.end()
+
+    def release(self) -> None:
+        """Free the connection; called once no thread reads any more."""
+        self._writing.close()
+        self._connection.close()
 
 
 def _connect(place: Place, coming_s: float = _COMING_S) -> socket.socket:

@@ -9,7 +9,13 @@ Requests and answers are JSON objects, one a line. A client may send several req
                                                               "record" if it was logged; {"now": true} after those of
                                                               the past if asked with "mark": true; {"dropped": 3} where
                                                               some were lost, {"end": true}
-    anything wrong                                            {"error": "a sentence for people"}
+    {"do": "scout", "host": "base"}                           {"accepted": true}; from then on, all lines are for the
+                                                              scout on that host; {"heard": "…"} for each of its
+                                                              lines, {"dropped": 3} where some were lost, and
+                                                              {"end": true, "why": "…"}, with "unreachable": true if
+                                                              its host is out of reach
+    anything wrong                                            {"error": "a sentence for people"}, with "unreachable":
+                                                              true if a host is out of reach
 
 Clients cannot hurt the network, or each other for long:
 
@@ -35,10 +41,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import DeploymentError
+from ..errors import DeploymentError, HostUnreachable
 from .naming import DEPLOYER, meant
 from .policy import RestartRequested, StopRequested
 from .ring import MOST_LINES, Line
+from .scouting import Scout
 from .snapshot import Network
 from .sockets import listening
 
@@ -167,7 +174,8 @@ class Control:
             try:
                 await self._answer(read_request(line), client)
             except DeploymentError as exc:
-                await client.send({"error": str(exc)})
+                lost = {"unreachable": True} if isinstance(exc, HostUnreachable) else {}
+                await client.send({"error": str(exc), **lost})
             self._rest(client)
 
     def _rest(self, client: _Client) -> None:
@@ -187,6 +195,8 @@ class Control:
                 await client.send({"accepted": True})
             case "logs":
                 await self._tell_lines(request, client)
+            case "scout":
+                await self._scout(request.host, client)
             case other:
                 raise DeploymentError(f"there is no request `{other}`")
 
@@ -204,6 +214,32 @@ class Control:
             if request.follow:
                 await self._follow(followed, client)
         await client.send({"end": True})
+
+    async def _scout(self, host: str, client: _Client) -> None:
+        """Carry lines between a scout and its tool, until one of them leaves."""
+        scout = self._network.scout(host)
+        hearing: asyncio.Task[None] | None = None
+        try:
+            await client.send({"accepted": True})
+            hearing = asyncio.create_task(_hear(client, scout), name="lines for a scout")
+            while not hearing.done() and not scout.has_ended:
+                self._rest(client)
+                news = asyncio.create_task(scout.news.wait())
+                try:
+                    await asyncio.wait((hearing, news), return_when=asyncio.FIRST_COMPLETED)
+                finally:
+                    news.cancel()
+                client.waits = False
+                await client.send(*_heard(scout))
+            lost = {"unreachable": True} if scout.is_lost else {}
+            if not hearing.done():
+                await client.send(*_heard(scout), {"end": True, "why": scout.why, **lost})
+        finally:
+            scout.close()
+            if hearing:
+                hearing.cancel()
+                await asyncio.gather(hearing, return_exceptions=True)
+        raise ConnectionAbortedError  # nothing else can be asked on this connection
 
     async def _follow(self, followed: _Followed, client: _Client) -> None:
         gone = asyncio.create_task(client.reader.read(1))  # a client that follows sends nothing until it leaves
@@ -251,6 +287,20 @@ class _Client:
                 await self.writer.drain()
 
 
+def _heard(scout: Scout) -> list[Mapping[str, Any]]:
+    """Answers for all that a scout has said and lost since the last time."""
+    lines: list[Mapping[str, Any]] = [{"heard": line} for line in scout.taken()]
+    dropped, scout.dropped = scout.dropped, 0
+    return [*lines, {"dropped": dropped}] if dropped else lines
+
+
+async def _hear(client: _Client, scout: Scout) -> None:
+    """Pass on what the tool says, until it leaves or says too much."""
+    with contextlib.suppress(OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+        while True:
+            scout.say((await client.reader.readuntil()).decode(errors="replace").rstrip("\n"))
+
+
 class _Followed:
     """The lines that a following client has not received yet, as far as there is room."""
 
@@ -293,6 +343,7 @@ class Request:
     mark: bool = False
     """Whether the end of the past is told."""
     grace: float | None = None
+    host: str = ""
 
 
 def read_request(line: bytes) -> Request:
@@ -319,5 +370,6 @@ _FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "count": (lambda value: type(value) is int and 0 <= value <= MOST_LINES, f"a whole number up to {MOST_LINES}"),
     "follow": (lambda value: isinstance(value, bool), "true or false"),
     "mark": (lambda value: isinstance(value, bool), "true or false"),
+    "host": (lambda value: isinstance(value, str), "a name"),
     "grace": (lambda value: type(value) in (int, float) and 0 <= value <= sys.float_info.max, "a number of seconds"),
 }

@@ -19,6 +19,7 @@ from typing import Any
 from ..contract.interface import Verb
 from ..errors import DeploymentError, HostUnreachable
 from ..runtime.notify import notify
+from ..spelling import unknown
 from ..transports.base import TransportConfig, hosting
 from ..transports.deployment import deployment_of
 from .agents import Agent, Listener, Usage
@@ -50,6 +51,7 @@ from .policy import (
     Supervisor,
     Tick,
 )
+from .scouting import Scout, Scouted
 from .snapshot import HostStatus, Meter, Network, ProcessStatus, Snapshot
 from .telling import Display, Teller
 
@@ -332,6 +334,15 @@ class _Run(Listener, Network):
         else:
             self._stop_asked.set()
         self._events.put_nowait(event)
+
+    def scout(self, host: str) -> Scout:
+        known = {each.name for each in self._plan.hosts}
+        agent = self._commands[host].agent if host in known else None
+        if not isinstance(agent, Scouted):
+            raise DeploymentError(unknown("host", host, known))
+        if why := self._unreachable.get(host):
+            raise HostUnreachable(f"{host} is out of reach: {why}")
+        return agent.scout()
 
     def _check(self, request: RestartRequested) -> None:
         if self._stop_asked.is_set() or self._supervisor.stopping:

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from .agents import Life, Usage
 from .policy import RestartRequested, State, StopRequested
+
+if TYPE_CHECKING:
+    from .scouting import Scout
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,9 @@ class Network(Protocol):
         Raises DeploymentError, with a sentence for the user, if a name is unknown or if it is too late.
         A restart is done when the processes are ready and their `starts` are more than they were.
         """
+
+    def scout(self, host: str) -> Scout:
+        """Start a scout on a host. Raises HostUnreachable, and DeploymentError if there is no such host."""
 
 
 class Meter:

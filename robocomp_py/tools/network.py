@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..contract import told
 from ..contract.interface import Operation, Pattern
@@ -15,6 +15,9 @@ from ..spelling import closest
 from ..transports.census import Told
 from ..wire import names
 from .announced import OWN, PROVIDERS
+
+if TYPE_CHECKING:
+    from .posts import Post
 
 PATTERNS = {
     "publishes": Pattern.PUBLISH,
@@ -40,6 +43,10 @@ class End:
 
     middleware: str
     told: Told
+    host: str = ""
+    """Where its process runs, by the name in its network; "" for this host, or if that is not known."""
+    via: Post | None = field(default=None, compare=False)
+    """The scout that tells of it; None if this process sees it itself."""
 
     @property
     def role(self) -> str:
@@ -77,7 +84,14 @@ class Channel:
     @property
     def middlewares(self) -> list[str]:
         """Those over which it can be reached: of its providers, else of its users."""
-        return list(dict.fromkeys(each.middleware for each in self.providers or self.users))
+        via = self.via
+        return list(dict.fromkeys(each.middleware for each in self.providers or self.users if each.via is via))
+
+    @property
+    def via(self) -> Post | None:
+        """The scout through which it can be reached; None if this process reaches it itself."""
+        ends = self.providers or self.users
+        return ends[0].via if ends and all(each.via for each in ends) else None
 
     @property
     def texts(self) -> dict[int, str]:
@@ -107,6 +121,8 @@ class Running:
 
     owner: str
     pid: int
+    host: str = ""
+    """As that of its ends."""
     middlewares: list[str] = field(default_factory=list)
     offers: list[str] = field(default_factory=list)
     """Its interfaces, as `Laser`; of another instance that it stands for, `front/Laser`."""
@@ -150,13 +166,13 @@ class Network:
 
     def components(self, *, tools: bool = False) -> list[Running]:
         """In the order of their names; with `tools`, also commands such as `rc echo`."""
-        serving = {(end.told.owner, end.told.pid) for end in (*self._stock, *self._ends) if end.role == "serves"}
-        found: dict[tuple[str, int], Running] = {}
+        serving = {_process(end) for end in (*self._stock, *self._ends) if end.role == "serves"}
+        found: dict[tuple[str, int, str], Running] = {}
         for end in self._ends:
             told = end.told
-            if not tools and told.owner == TOOL and (told.owner, told.pid) not in serving:
+            if not tools and told.owner == TOOL and _process(end) not in serving:
                 continue
-            running = found.setdefault((told.owner, told.pid), Running(told.owner, told.pid))
+            running = found.setdefault(_process(end), Running(told.owner, told.pid, end.host))
             instance, interface = names.instance(told.channel), names.segment(told.channel)
             if end.provides:
                 where = running.offers
@@ -168,7 +184,7 @@ class Network:
             for listed, one in ((where, text), (running.middlewares, end.middleware)):
                 if one not in listed:
                     listed.append(one)
-        return sorted(found.values(), key=lambda each: (each.owner, each.pid))
+        return sorted(found.values(), key=lambda each: (each.owner, each.host, each.pid))
 
     def named(self, name: str) -> list[Channel]:
         """The channels that a name means: `world/LaserPub/pushLaserData` or a part of it between slashes.
@@ -209,6 +225,10 @@ class Network:
 @lru_cache(maxsize=256)
 def _understood(text: str) -> Operation[Any]:
     return told.operation(text)
+
+
+def _process(end: End) -> tuple[str, int, str]:
+    return end.told.owner, end.told.pid, end.host
 
 
 def _is_understood(told: Told) -> bool:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
+from robocomp_py.deploy.scouting import Scout
 from robocomp_py.deploy.snapshot import HostStatus, Network, ProcessStatus, Snapshot
-from robocomp_py.errors import DeploymentError
+from robocomp_py.errors import DeploymentError, HostUnreachable
 
 READY = ProcessStatus(
     name="",
@@ -48,6 +50,8 @@ class Standing(Network):
         self.asked: list[RestartRequested | StopRequested] = []
         self.refusal = ""
         """Why nothing is done that is asked for."""
+        self.scouts: dict[str, Callable[[], Scout]] = {}
+        """What starts one, by the host."""
 
     def snapshot(self) -> Snapshot:
         return self.now
@@ -56,3 +60,8 @@ class Standing(Network):
         if self.refusal:
             raise DeploymentError(self.refusal)
         self.asked.append(event)
+
+    def scout(self, host: str) -> Scout:
+        if host not in self.scouts:
+            raise HostUnreachable(f"{host} is out of reach: its cable was cut")
+        return self.scouts[host]()

@@ -14,11 +14,22 @@ from typing import Any
 import pytest
 
 from robocomp_py.deploy import client
-from robocomp_py.deploy.client import Connection, NotRunning, Stuck, chosen_lines, lines, network_of, networks
+from robocomp_py.deploy.client import (
+    Connection,
+    NotRunning,
+    ScoutLine,
+    Stuck,
+    chosen_lines,
+    lines,
+    network_of,
+    networks,
+)
 from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, Control, read_request
 from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
 from robocomp_py.deploy.ring import MOST_LINES, Line, Ring
+from robocomp_py.deploy.scouting import BEHIND as BEHIND_OF_SCOUTS
+from robocomp_py.deploy.scouting import Scout
 from robocomp_py.deploy.snapshot import HostStatus
 from robocomp_py.deploy.sockets import listening
 from robocomp_py.errors import DeploymentError, HostUnreachable
@@ -153,7 +164,10 @@ def test_a_refusal_has_a_message(running: Running) -> None:
         (b'{"names": []}', 'a request is a JSON object with a key "do"'),
         (b'{"do": 1}', '"do" of a request is a word'),
         (b'{"do": "dance"}', "there is no request `dance`"),
-        (b'{"do": "status", "who": 1}', 'a request has no "who"; it may have: do, names, count, follow, mark, grace'),
+        (
+            b'{"do": "status", "who": 1}',
+            'a request has no "who"; it may have: do, names, count, follow, mark, host, grace',
+        ),
         (b'{"do": "restart", "names": "laser"}', '"names" of a request is a list of names'),
         (b'{"do": "restart", "names": [1]}', '"names" of a request is a list of names'),
         (b'{"do": "down", "grace": -1}', '"grace" of a request is a number of seconds'),
@@ -510,3 +524,38 @@ def test_a_file_that_is_not_a_network_is_reported(tmp_path: Path, text: str | No
 def test_a_request_is_read_as_it_is_written() -> None:
     request = read_request(b'{"do": "logs", "names": ["laser"], "count": 5, "follow": true}')
     assert (request.do, request.names, request.count, request.follow) == ("logs", ("laser",), 5, True)
+
+
+def test_lines_of_a_scout_and_its_tool_are_passed_on(running: Running) -> None:
+    said: list[str] = []
+    left = threading.Event()
+    scout = Scout(said.append, left.set)
+    running.network.scouts["base"] = lambda: scout
+    line = ScoutLine("home", "base")
+    try:
+        line.say({"id": 1})
+        wait_until(lambda: said == ['{"id": 1}'])
+        running.call(lambda: scout.hear('{"id": 1, "end": true}'))
+        assert line.told() == {"id": 1, "end": True}
+        running.call(lambda: [scout.hear("{}") for _ in range(BEHIND_OF_SCOUTS + 3)])
+        answers = [line.told() for _ in range(BEHIND_OF_SCOUTS + 1)]
+        assert answers == [{}] * BEHIND_OF_SCOUTS + [{"dropped": 3}]
+        running.call(lambda: scout.hear("nonsense"))
+        with pytest.raises(DeploymentError, match="base: its scout says what is not understood"):
+            line.told()
+    finally:
+        line.close()
+        line.release()
+    assert left.wait(SOON)
+
+
+def test_a_tool_is_told_that_the_host_of_its_scout_is_lost(running: Running) -> None:
+    scout = Scout(lambda line: None, lambda: None)
+    running.network.scouts["base"] = lambda: scout
+    line = ScoutLine("home", "base")
+    running.call(lambda: scout.end("base is out of reach: its cable was cut", is_lost=True))
+    with pytest.raises(HostUnreachable, match="its cable was cut"):
+        line.told()
+    line.release()
+    with pytest.raises(HostUnreachable, match="robot is out of reach"):
+        ScoutLine("home", "robot")

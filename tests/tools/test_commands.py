@@ -83,6 +83,7 @@ def test_components_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) 
     assert one == {
         "owner": "talker",
         "pid": os.getpid(),
+        "host": "",
         "middlewares": [talker.middleware_used],
         "offers": ["Everything"],
         "uses": [],
@@ -315,7 +316,7 @@ def test_usage_is_told(arguments: tuple[str, ...]) -> None:
 
 
 def test_nothing_runs(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert complained(capsys, "list") == "rc list: nothing of this kind runs on this host\n"
+    assert complained(capsys, "list") == "rc list: nothing of this kind runs here\n"
 
 
 def test_a_topic_that_is_silent_is_told(capsys: pytest.CaptureFixture[str]) -> None:

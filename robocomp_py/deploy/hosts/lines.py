@@ -1,8 +1,10 @@
 """The messages between a controller and the agent of a host: objects of JSON, one a line.
 
-    to the agent      open · start · stop · kill · close · alive, as `do`
+    to the agent      open · start · stop · kill · close · alive · scout · scout_line · scout_end, as `do`
     from the agent    hello · opened · refused · started · failed · output · lost_lines · ready · status · left ·
-                      contract · hung · exited · usage · closed, as `tell`
+                      contract · hung · exited · usage · closed · scout_line · scout_end, as `tell`
+
+A scout looks at what runs on the host, for a tool; see `scouting.py`. `id` tells which one is meant.
 
 Either side considers the other gone after `SILENCE` without a message.
 """
@@ -20,7 +22,7 @@ from ..agents import Life, Usage
 from ..asjson import from_json, to_json
 from ..process import Process
 
-VERSION = 5
+VERSION = 6
 
 BEAT = 1.0
 """Seconds between two signs of life."""
@@ -61,6 +63,8 @@ _TOLD: Mapping[str, Mapping[str, type]] = {
     "exited": {"name": str, "code": int},
     "usage": {"of": dict},
     "closed": {},
+    "scout_line": {"id": int, "line": str},
+    "scout_end": {"id": int, "why": str},
 }
 """The messages of an agent, and their required fields."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import json
 import logging
 import secrets
@@ -24,6 +25,7 @@ from ..launcher.output import LINE
 from ..plan import Host
 from ..process import Process
 from ..relocation import places, relocate
+from ..scouting import Scout
 from . import ssh
 from .bundle import FILES, KEYS, Bundle, collect, pack
 from .lines import (
@@ -96,6 +98,8 @@ class RemoteAgent(Agent):
         self._root = self._python = self._folder = ""
         self._starting: dict[str, asyncio.Future[None]] = {}
         self._usage: dict[str, Usage] = {}
+        self._scouts: dict[int, Scout] = {}
+        self._numbers = itertools.count(1)
         self._heard_at = 0.0
         self._closed = asyncio.Event()
         """Set when the agent has reported that nothing is left."""
@@ -133,8 +137,29 @@ class RemoteAgent(Agent):
     def usage(self) -> Mapping[str, Usage]:
         return self._usage
 
+    def scout(self) -> Scout:
+        """Start a process there that looks at what runs. Raises HostUnreachable."""
+        if self._channel is None:
+            raise HostUnreachable(f"{ssh.called(self._host)} is out of reach")
+        number = next(self._numbers)
+
+        def leave() -> None:
+            self._scouts.pop(number, None)
+            self._send(do="scout_end", id=number)
+
+        self._scouts[number] = scout = Scout(lambda line: self._send(do="scout_line", id=number, line=line), leave)
+        self._send(do="scout", id=number)
+        return scout
+
+    def _lose_scouts(self, why: str) -> None:
+        scouts = list(self._scouts.values())
+        self._scouts.clear()
+        for each in scouts:
+            each.end(f"{ssh.called(self._host)} is out of reach: {why}", is_lost=True)
+
     async def close(self) -> None:
         self._closing = True
+        self._lose_scouts("the network ends")
         channel = self._channel
         if channel:
             self._send(do="close")
@@ -313,6 +338,12 @@ class RemoteAgent(Agent):
                 self._settle(name, DeploymentError(shown(message["why"])))
             case "refused":
                 self._note(f"{ssh.called(self._host)}: {shown(message['why'])}")
+            case "scout_line":
+                if scout := self._scouts.get(message["id"]):
+                    scout.hear(message["line"])
+            case "scout_end":
+                if scout := self._scouts.pop(message["id"], None):
+                    scout.end(f"{ssh.called(self._host)}: {shown(message['why']) or 'its scout has ended'}")
             case "closed":
                 self._closed.set()
 
@@ -337,6 +368,7 @@ class RemoteAgent(Agent):
         self._channel = None
         channel.abort()
         self._usage = {}
+        self._lose_scouts(why)
         if self._closing:
             self._closed.set()
             return

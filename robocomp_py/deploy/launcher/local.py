@@ -283,7 +283,7 @@ class Launcher(Agent):
         if forkable(process):
             try:
                 self._fork_server = self._fork_server or ForkServer(
-                    self._middlewares, self._lifeline, self._environment()
+                    self._middlewares, self._lifeline, self.environment()
                 )
                 return await self._fork_server.start(process, told, into, own)
             except (Unavailable, OSError) as exc:
@@ -299,7 +299,7 @@ class Launcher(Agent):
             popen = subprocess.Popen(
                 process.command,
                 cwd=process.cwd,
-                env={**self._environment(), **told},
+                env={**self.environment(), **told},
                 stdin=subprocess.DEVNULL,
                 stdout=into,
                 stderr=subprocess.STDOUT,
@@ -315,7 +315,8 @@ class Launcher(Agent):
         popen.returncode = 0  # we wait for it, not that object
         return popen.pid
 
-    def _environment(self) -> dict[str, str]:
+    def environment(self) -> dict[str, str]:
+        """That of all processes of the network. What has it is ended with the network."""
         mine = {name: value for name, value in os.environ.items() if name not in _NOT_HANDED_DOWN}
         return {**mine, "PYTHONUNBUFFERED": "1", traces.LAUNCH: self._launch}
 

@@ -76,6 +76,12 @@ class Site:
         path.write_text(f"{imports}Deployment Lab {{\n{said or 'security open;'}\n{blocks}{instances}\n}};\n")
         return path
 
+    def rc(self, *arguments: object) -> Rcdeploy:
+        """Run `rc` to its end."""
+        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments), command="rc"))
+        self.runs[-1].wait(LONG)
+        return self.runs[-1]
+
     def run(self, *arguments: object) -> Rcdeploy:
         self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
         return self.runs[-1]
@@ -114,13 +120,12 @@ class Site:
 
 
 class Rcdeploy:
-    """`rcdeploy`, and what it has said so far."""
+    """`rcdeploy`, or another command, and what it has said so far."""
 
-    def __init__(self, environment: dict[str, str], folder: Path, *arguments: str) -> None:
-        command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *arguments]
+    def __init__(self, environment: dict[str, str], folder: Path, *arguments: str, command: str = "rcdeploy") -> None:
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
-            command,
+            [sys.executable, "-m", f"robocomp_py.cli.{command}", *arguments],
             env=environment,
             cwd=folder,
             stdin=subprocess.DEVNULL,

@@ -631,3 +631,27 @@ def test_a_host_speaks_of_its_own_processes_only_a_line_at_a_time(tmp_path: Path
             await agent.close()
 
     scene(act)
+
+
+def test_a_scout_tells_what_runs_there_and_ends_with_its_tool(tmp_path: Path):
+    async def act() -> None:
+        async with serving(tmp_path) as server:
+            agent = server.agent(Heard(), program(FOREVER))
+            await agent.open()
+            scouts = [agent.scout() for _ in range(2)]
+            for each in scouts:
+                each.say(json.dumps({"id": 1, "do": "census", "middlewares": ["zeromq"]}))
+            told: list[list[str]] = [[], []]
+            for each, lines in zip(scouts, told, strict=True):
+                while not any('"end"' in line for line in lines):
+                    async with asyncio.timeout(SOON):
+                        await each.news.wait()
+                    lines += each.taken()
+            assert told[0] == told[1]
+            assert json.loads(told[0][0]) == {"id": 1, "tellers": ["zeromq"], "troubles": []}
+            scouts[0].close()
+            await agent.close()
+            assert [each.has_ended for each in scouts] == [True, True]
+            assert scouts[1].is_lost
+
+    scene(act)

@@ -141,6 +141,22 @@ def test_three_hosts_and_this_machine_run_one_network(site: Site, middleware: st
     gone(site, "robot", "base", "tower")
 
 
+def test_tools_see_what_runs_on_all_hosts(site: Site):
+    site.host("robot")
+    site.host("base")
+    net = site.network(
+        "Component echo : Echo { host robot; }; Component other : Echo { host base; };",
+        "security open; middleware zeromq;",
+    )
+    run = site.run("--insecure", net)
+    run.says("all 2 components")
+    found = [json.loads(line) for line in site.rc("list", "--json").lines]
+    assert [(each["owner"], each["host"]) for each in found] == [("echo", "robot"), ("other", "base")]
+    run.signal(signal.SIGINT)
+    assert run.code == 130, run.text
+    gone(site, "robot", "base")
+
+
 def test_nothing_is_reached_but_where_the_network_says(site: Site):
     robot = site.host("robot")
     base = site.host("base")

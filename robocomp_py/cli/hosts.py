@@ -1,0 +1,135 @@
+"""The hosts that a command looks at: this one, and those of running networks, by their scouts."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE, UNREACHABLE
+from .completing import What, completed
+
+if TYPE_CHECKING:
+    from ..tools.network import Network
+    from ..tools.posts import Post
+
+HERE = "here"
+"""The name of this host, for options."""
+
+
+def add_hosts(to: argparse.ArgumentParser) -> None:
+    network = to.add_argument(
+        "--network",
+        metavar="NET",
+        help="a network that rcdeploy runs here, by its name or file: also look at its other hosts (default: all that "
+        "run here)",
+    )
+    completed(network, What.NETWORK)
+    to.add_argument(
+        "--host",
+        dest="hosts",
+        action="append",
+        default=[],
+        metavar="HOST",
+        help=f"look at this host only; `{HERE}` is this machine; may be repeated",
+    )
+
+
+class Hosts:
+    """What runs on all hosts that the options of `add_hosts` mean."""
+
+    def __init__(self, posts: Sequence[Post], host_of: Mapping[str, str], *, here: bool) -> None:
+        self.posts, self._host_of, self._here = posts, host_of, here
+        self.lost: dict[str, str] = {}
+        """The hosts that the last census could not ask, and why."""
+
+    def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
+        """As `tools.census.take_census`. What cannot be asked on another host is told on stderr, once."""
+        from ..tools.census import check_names, take_census
+        from ..tools.network import Network
+
+        if not self.posts:
+            return take_census(middlewares, own=own)
+        from ..tools.posts import merged, survey
+        from ..transports.deployment import deployment_of
+
+        check_names(middlewares)
+        here = take_census(middlewares, own=True).ends if self._here else ()
+        elsewhere, lost, troubles = survey(self.posts, middlewares)
+        for text in [why for host, why in lost.items() if host not in self.lost] + troubles:
+            print(f"warning: {text}", file=sys.stderr)
+        self.lost = lost
+        ends = merged(here, elsewhere, self._host_of, lambda name: bool(deployment_of(name).directory))
+        return Network(ends, own=own)
+
+    def code(self, code: int = FINE) -> int:
+        """The exit code of a command that would end with `code`: it says so if a host was out of reach."""
+        return UNREACHABLE if self.lost else code
+
+
+@contextlib.contextmanager
+def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
+    """The hosts that these options mean. Their scouts end with it. Raises RobocompError."""
+    from ..errors import ConfigurationError
+    from ..spelling import unknown
+    from ..tools.posts import Post
+
+    plans = _plans(options.network)
+    known = {host["name"]: name for name, plan in plans.items() for host in plan["hosts"]}
+    for name in options.hosts:
+        if name not in known and name != HERE:
+            if not known:
+                raise ConfigurationError(f"--host {name}: no network with other hosts runs here")
+            raise ConfigurationError(unknown("host", name, [HERE, *known]))
+    wanted = [name for name in known if name in options.hosts or not options.hosts]
+    posts = [Post(name, partial(_connected, known[name], name)) for name in wanted]
+    processes = [each for plan in plans.values() for each in plan["processes"]]
+    host_of = {instance: each["host"] for each in processes for instance in each["instances"]}
+    try:
+        yield Hosts(posts, host_of, here=not options.hosts or HERE in options.hosts)
+    finally:
+        for each in posts:
+            each.close()
+
+
+def _connected(network: str, host: str) -> Any:
+    from ..deploy.client import ScoutLine
+
+    return ScoutLine(network, host)
+
+
+def _plans(wanted: str | None) -> dict[str, Any]:
+    """The plans of running networks that have other hosts, by name.
+
+    What makes a connection takes long to import, so plans are looked into first.
+    """
+    from ..errors import ConfigurationError, TransportError
+    from ..transports.directory import runtime_dir
+
+    if not wanted:
+        try:
+            if not any(map(_has_hosts, runtime_dir("deploy").glob("*/plan.json"))):
+                return {}
+        except (ConfigurationError, TransportError):
+            return {}  # a census says so, too
+    from ..deploy.client import NotRunning, network_of, networks, running_plan
+
+    found = {}
+    for name in [network_of(wanted)] if wanted else networks():
+        plan = running_plan(name)
+        if wanted and plan is None:
+            raise NotRunning(f"network `{name}` is not running on this machine")
+        if plan and plan.get("hosts"):
+            found[name] = plan
+    return found
+
+
+def _has_hosts(plan: Any) -> bool:
+    try:
+        return bool(json.loads(plan.read_text(encoding="utf-8")).get("hosts"))
+    except (OSError, ValueError, AttributeError):
+        return False

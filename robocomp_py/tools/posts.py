@@ -1,0 +1,229 @@
+"""Scouts on other hosts, as a tool asks them; see `scout`. What they answer comes from outside, and is checked."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Protocol
+
+from ..errors import DeploymentError, HostUnreachable, RobocompError
+from ..threads import start_thread
+from ..transports.census import Told
+from .network import End
+
+CENSUS_TIMEOUT = 20.0
+"""Seconds in which a scout starts and tells what runs on its host."""
+
+_WAITING = 10_000
+"""Answers to one question that may wait; a scout does not send more at a time."""
+
+Message = Mapping[str, Any]
+
+
+class Line(Protocol):
+    """A connection to a scout, such as `deploy.client.ScoutLine`; one thread reads, others write."""
+
+    def say(self, message: Message) -> None:
+        """Raises RobocompError."""
+
+    def told(self) -> Message | None:
+        """The next answer; None once it is closed. Raises RobocompError once there is no scout any more."""
+
+    def close(self) -> None:
+        """Let the thread that reads go on."""
+
+    def release(self) -> None:
+        """Free it, once no thread reads."""
+
+
+class Post:
+    """A host of a network with a scout, which is started when it is first asked. For any number of threads."""
+
+    def __init__(self, host: str, connect: Callable[[], Line]) -> None:
+        """`connect` starts a scout; it may raise RobocompError."""
+        self.host, self._connect = host, connect
+        self._lock = threading.Lock()
+        self._session: _Session | None = None
+
+    def ask(self, do: str, deadline: float, **more: Any) -> list[Message]:
+        """All answers to a question.
+
+        Raises HostUnreachable if they do not come within `deadline` seconds, and ScoutError if there is an error.
+        """
+        answers: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        end = time.monotonic() + deadline
+        found: list[Message] = []
+        with self.following(do, answers.put, **more) as session:
+            while True:
+                try:
+                    answer = answers.get(timeout=max(0.0, end - time.monotonic()))
+                except queue.Empty:
+                    raise HostUnreachable(f"{self.host}: no answer within {deadline:g} s") from None
+                if answer is None:
+                    raise session.error()
+                if "error" in answer:
+                    raise ScoutError(str(answer["error"]))
+                if answer.get("end"):
+                    return found
+                found.append(answer)
+
+    @contextlib.contextmanager
+    def following(self, do: str, take: Callable[[Message | None], object], **more: Any) -> Any:
+        """While entered, `take` gets the answers to a question, on a thread of this object; None if none will follow,
+        since the scout has ended. Yields what tells the reason by `error`. Raises RobocompError."""
+        session = self._opened()
+        number = session.begin(do, take, more)
+        try:
+            yield session
+        finally:
+            session.cease(number)
+
+    def close(self) -> None:
+        """End the scout. Idempotent; the next question starts another one."""
+        with self._lock:
+            session, self._session = self._session, None
+        if session:
+            session.close()
+
+    def _opened(self) -> _Session:
+        with self._lock:
+            if self._session and self._session.has_ended:
+                self._session.close()
+                self._session = None
+            self._session = self._session or _Session(self.host, self._connect())
+            return self._session
+
+
+class ScoutError(RobocompError):
+    """A scout could not do what it was asked for; the message is its own."""
+
+
+class _Session:
+    """One scout, from its start to its end."""
+
+    def __init__(self, host: str, line: Line) -> None:
+        self._host, self._line = host, line
+        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+        self._takers: dict[int, Callable[[Message | None], object]] = {}
+        self._error: RobocompError | None = None
+        self.has_ended = False
+        self._thread = threading.Thread(target=self._read, name=f"scout of {host}", daemon=True)
+        start_thread(self._thread)
+
+    def begin(self, do: str, take: Callable[[Message | None], object], more: Message) -> int:
+        number = next(self._numbers)
+        with self._lock:
+            if self.has_ended:
+                raise self.error()
+            self._takers[number] = take
+        try:
+            self._line.say({"id": number, "do": do, **more})
+        except BaseException:
+            self._takers.pop(number, None)
+            raise
+        return number
+
+    def cease(self, number: int) -> None:
+        """End a question that has not ended itself."""
+        if self._takers.pop(number, None) and not self.has_ended:
+            with contextlib.suppress(RobocompError):
+                self._line.say({"id": number, "do": "cease"})
+
+    def error(self) -> RobocompError:
+        """Why it has ended."""
+        return self._error or DeploymentError(f"{self._host}: its scout has ended")
+
+    def close(self) -> None:
+        self._line.close()
+        self._thread.join()
+        self._line.release()
+
+    def _read(self) -> None:
+        try:
+            while (answer := self._line.told()) is not None:
+                number = answer.get("id")
+                take = self._takers.get(number) if isinstance(number, int) else None
+                if take and answer.get("end"):
+                    self._takers.pop(int(answer["id"]), None)
+                if take:
+                    take(answer)
+        except RobocompError as exc:
+            self._error = exc
+        finally:
+            with self._lock:
+                self.has_ended = True
+                takers = list(self._takers.values())
+                self._takers.clear()
+            for take in takers:
+                take(None)
+
+
+def survey(posts: Sequence[Post], middlewares: Sequence[str] = ()) -> tuple[list[End], dict[str, str], list[str]]:
+    """What scouts tell of their hosts, all at a time; why a host could not be asked, by its name; and further troubles.
+
+    The interfaces of the framework are included.
+    """
+
+    def asked(post: Post) -> list[Message] | RobocompError:
+        try:
+            return post.ask("census", CENSUS_TIMEOUT, middlewares=list(middlewares))
+        except RobocompError as exc:
+            return exc
+
+    ends, lost, troubles = list[End](), dict[str, str](), list[str]()
+    with ThreadPoolExecutor(max(1, len(posts)), "survey") as pool:
+        for post, found in zip(posts, pool.map(asked, posts), strict=True):
+            if isinstance(found, RobocompError):
+                lost[post.host] = str(found)
+                continue
+            ends += told_in(found, post)
+            troubles += [f"{post.host}: {each}" for answer in found for each in _texts(answer.get("troubles"))]
+    return ends, lost, troubles
+
+
+def told_in(answers: Iterable[Message], post: Post) -> list[End]:
+    """The ends in the answers of a scout. What is not understood is left out."""
+    found: list[End] = []
+    texts: dict[str, str] = {}
+    for answer in answers:
+        given = answer.get("texts")
+        for key, text in given.items() if isinstance(given, dict) else ():
+            texts[str(key)] = str(text)
+        ends = answer.get("ends")
+        for each in ends if isinstance(ends, list) else ():
+            match each:
+                case [
+                    str(middleware), str(owner), int(pid), str(role), str(channel), int(fingerprint), str(traits)
+                ]:  # fmt: skip
+                    text = texts.get(f"{fingerprint:x}", "")
+                    told = Told(owner, pid, role, channel, fingerprint, text, traits)
+                    found.append(End(middleware, told, post.host, post))
+                case _:
+                    continue
+    return found
+
+
+def _texts(given: Any) -> list[str]:
+    return [str(each) for each in given] if isinstance(given, list) else []
+
+
+def merged(
+    here: Iterable[End], elsewhere: Iterable[End], host_of: Mapping[str, str], local: Callable[[str], bool]
+) -> list[End]:
+    """All ends, each once: some middlewares tell on one host what runs on another one, too.
+
+    `host_of` tells the hosts of components, by their whole names; `local` whether a middleware tells of its host only.
+    """
+    found: dict[Any, End] = {}
+    for each in (*here, *elsewhere):
+        host = each.host if local(each.middleware) else host_of.get(each.told.owner, each.host)
+        told = each.told
+        key = each.middleware, host, told.owner, told.pid, told.role, told.channel, told.fingerprint
+        found.setdefault(key, End(each.middleware, told, host, each.via))
+    return list(found.values())

@@ -1,0 +1,169 @@
+"""`python -m robocomp_py.tools.scout`: looks at what runs on this host, for a tool on another one.
+
+The agent of `rcdeploy` starts it on request. It reads questions from its standard input and writes answers to its
+standard output, objects of JSON, one a line, and ends with its input:
+
+    {"id": 1, "do": "census", "middlewares": ["shm"]}    all ends of channels; without middlewares, of all that can tell
+    {"id": 1, "do": "cease"}                             end the question with this number
+
+    {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
+    {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
+    {"id": 1, "error": "…"}                              a sentence for people
+    {"id": 1, "end": true}                               the last answer to a question
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import IO, Any
+
+from ..errors import RobocompError
+from ..threads import start_thread
+from .census import take_each
+from .network import End
+
+LONGEST = 512 * 1024
+"""Octets of a line."""
+
+MOST = 16
+"""Questions that are answered at a time."""
+
+_ENDS = 200
+"""Ends in one line, at most."""
+
+_ENOUGH = LONGEST // 4
+"""Characters of ends and contracts after which a line is sent."""
+
+Message = Mapping[str, Any]
+Answer = Callable[..., None]
+"""Sends an answer to one question: `answer(ends=[…])`."""
+
+
+class Scout:
+    """Answers questions, each on a thread of its own, through `tell`, which is called by one thread at a time."""
+
+    def __init__(self, tell: Callable[[Message], object]) -> None:
+        self._tell, self._telling = tell, threading.Lock()
+        self._lock = threading.Lock()
+        self._asked: dict[int, tuple[threading.Thread, threading.Event]] = {}
+        """By the number of a question: its thread, and whether it is to end."""
+
+    def ask(self, question: Message) -> None:
+        """Answer a question soon. One that is not understood gets an error."""
+        number, do = question.get("id"), question.get("do")
+        if not isinstance(number, int):
+            return
+        if do == "cease":
+            if asked := self._asked.get(number):
+                asked[1].set()
+            return
+        deed = _DEEDS.get(str(do))
+        with self._lock:
+            if deed is None or number in self._asked or len(self._asked) >= MOST:
+                why = f"there is no question `{do}`" if deed is None else "too many questions at a time"
+                self._answer(number, error=why)
+                self._answer(number, end=True)
+                return
+            over = threading.Event()
+            thread = threading.Thread(target=self._run, args=(number, deed, question, over), name=f"{do} {number}")
+            self._asked[number] = thread, over
+        start_thread(thread)
+
+    def close(self) -> None:
+        """End all questions, and wait for that."""
+        with self._lock:
+            asked = list(self._asked.values())
+        for _, over in asked:
+            over.set()
+        for thread, _ in asked:
+            thread.join()
+
+    def _run(self, number: int, deed: _Deed, question: Message, over: threading.Event) -> None:
+        try:
+            deed(question, lambda **said: self._answer(number, **said), over)
+        except (RobocompError, ValueError, TypeError, KeyError) as exc:
+            self._answer(number, error=str(exc) or repr(exc))
+        finally:
+            with self._lock:
+                del self._asked[number]
+            self._answer(number, end=True)
+
+    def _answer(self, number: int, **said: Any) -> None:
+        with self._telling:
+            self._tell({"id": number, **said})
+
+
+_Deed = Callable[[Message, Answer, threading.Event], None]
+
+
+def _census(question: Message, answer: Answer, over: threading.Event) -> None:
+    ends, tellers, troubles = take_each([str(each) for each in question.get("middlewares") or ()])
+    for part in parts_of(ends):
+        answer(**part)
+    answer(tellers=tellers, troubles=troubles)
+
+
+_DEEDS: Mapping[str, _Deed] = {"census": _census}
+
+
+def parts_of(ends: Iterable[End]) -> Iterator[dict[str, Any]]:
+    """Ends in parts that fit in lines. Each contract is in one of them only. `told_in` reads them."""
+    sent: set[int] = set()
+    part: list[list[Any]] = []
+    texts: dict[str, str] = {}
+    size = 0
+    for each in ends:
+        told = each.told
+        part.append([each.middleware, told.owner, told.pid, told.role, told.channel, told.fingerprint, told.traits])
+        size += sum(len(text) for text in (told.owner, told.channel, told.traits)) + 100
+        if told.fingerprint not in sent:
+            sent.add(told.fingerprint)
+            if len(told.text) <= _ENOUGH:
+                texts[f"{told.fingerprint:x}"] = told.text
+                size += len(told.text)
+        if len(part) >= _ENDS or size >= _ENOUGH:
+            yield {"ends": part, "texts": texts}
+            part, texts, size = [], {}, 0
+    if part:
+        yield {"ends": part, "texts": texts}
+
+
+def main(into: IO[bytes], out: IO[bytes]) -> int:
+    def tell(message: Message) -> None:
+        data = json.dumps(message).encode() + b"\n"
+        if len(data) > LONGEST:
+            short = {"id": message["id"], "error": f"an answer has more than {LONGEST} octets"}
+            data = json.dumps(short).encode() + b"\n"
+        out.write(data)
+        out.flush()
+
+    scout = Scout(tell)
+    try:
+        while line := into.readline(LONGEST):
+            try:
+                question = json.loads(line)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(question, dict):
+                scout.ask(question)
+    finally:
+        scout.close()
+    return 0
+
+
+def _run() -> int:
+    """Keep the standard output for answers: what a library prints must not get in between."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    try:
+        return main(sys.stdin.buffer, out)
+    except BrokenPipeError:
+        return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(_run())

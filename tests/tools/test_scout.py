@@ -1,0 +1,183 @@
+"""What a scout tells of its host, and what tools make of what several hosts tell."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import queue
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from robocomp_py.cli import rc
+from robocomp_py.cli.common import UNREACHABLE, USAGE
+from robocomp_py.errors import HostUnreachable
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.tools import scout
+from robocomp_py.tools.census import take_census
+from robocomp_py.tools.network import End
+from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
+from robocomp_py.tools.scout import LONGEST, Scout, parts_of
+from robocomp_py.transports.base import find_transport
+from robocomp_py.transports.census import Told
+
+from ..runtime.components import Calculator
+from ..runtime.test_run import make, running
+from . import elsewhere
+from .test_commands import said
+
+NOWHERE = Post("nowhere", lambda: Direct())
+
+
+class Direct:
+    """A connection to a scout in this process."""
+
+    def __init__(self) -> None:
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self.scout = Scout(self._answers.put)
+
+    def say(self, message: Any) -> None:
+        self.scout.ask(message)
+
+    def told(self) -> Any:
+        answer = self._answers.get()
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def end(self, error: Exception | None = None) -> None:
+        self._answers.put(error)
+
+    def close(self) -> None:
+        self.end()
+
+    def release(self) -> None:
+        self.scout.close()
+
+
+@pytest.fixture
+def lines() -> list[Direct]:
+    return []
+
+
+@pytest.fixture
+def post(lines: list[Direct]) -> Iterator[Post]:
+    def connect() -> Direct:
+        lines.append(Direct())
+        return lines[-1]
+
+    made = Post("base", connect)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def calculator() -> Iterator[None]:
+    with running(make(Calculator, find_transport, "middleware=shm", name="sums")):
+        wait_until(lambda: "sums/Everything/divide" in take_census(["shm"]).channels)
+        yield
+
+
+def end(owner: str, channel: str, pid: int = 1, middleware: str = "shm", host: str = "", text: str = "") -> End:
+    return End(middleware, Told(owner, pid, "serves", channel, len(text), text), host)
+
+
+@pytest.mark.usefixtures("calculator")
+def test_a_scout_tells_what_a_census_on_its_host_finds(post: Post) -> None:
+    ends, lost, troubles = survey([post], ["shm"])
+    assert {each.told for each in ends} == {each.told for each in take_census(["shm"], own=True).ends}
+    assert {(each.host, each.via) for each in ends} == {("base", post)}
+    assert (lost, troubles) == ({}, [])
+
+
+def test_each_contract_is_sent_once_and_no_line_is_too_long() -> None:
+    many = [end(f"arm{n}", f"arm{n}/Arm/move", text="x" * (n % 7 * 20_000)) for n in range(2000)]
+    parts = list(parts_of(many))
+    assert all(len(json.dumps(each)) < LONGEST for each in parts)
+    assert sum(len(text) for each in parts for text in each["texts"].values()) == sum(range(7)) * 20_000
+    assert [each.told for each in told_in(parts, NOWHERE)] == [each.told for each in many]
+
+
+def test_ends_that_are_not_understood_are_left_out() -> None:
+    good = ["shm", "arm", 7, "serves", "arm/Arm/move", 0, ""]
+    answers: list[Any] = [{"ends": [good, 7, good[:-1], ["shm", None, *good[2:]]]}, {"ends": 7, "texts": [7]}, {}]
+    assert [each.told.owner for each in told_in(answers, NOWHERE)] == ["arm"]
+
+
+def test_a_question_that_is_not_known_is_an_error(post: Post) -> None:
+    with pytest.raises(ScoutError, match="there is no question `dance`"):
+        post.ask("dance", SOON)
+
+
+def test_a_scout_that_ends_is_started_again_by_the_next_question(post: Post, lines: list[Direct]) -> None:
+    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    with post.following("dance", answers.put) as session:
+        assert answers.get(timeout=SOON)["error"]
+    with post.following("census", answers.put, middlewares=["shm"]):
+        lines[0].end(HostUnreachable("its cable was cut"))
+        wait_until(lambda: session.has_ended)
+    assert "its cable was cut" in str(session.error())
+    post.ask("census", SOON, middlewares=["shm"])
+    assert len(lines) == 2
+
+
+def test_hosts_that_cannot_be_asked_are_told(post: Post) -> None:
+    def refuse() -> Any:
+        raise HostUnreachable("its cable was cut")
+
+    ends, lost, _ = survey([Post("robot", refuse), post], ["shm"])
+    assert lost == {"robot": "its cable was cut"}
+    assert {each.host for each in ends} <= {"base"}
+
+
+def test_what_two_hosts_tell_of_one_process_is_there_once() -> None:
+    here = [end("arm", "arm/Arm/move", middleware="dds"), end("eye", "eye/Camera/look", middleware="shm")]
+    there = [
+        end("arm", "arm/Arm/move", middleware="dds", host="base"),
+        end("eye", "eye/Camera/look", middleware="shm", host="base"),
+    ]
+    found = merged(here, there, {"arm": "base", "eye": ""}, lambda name: name == "shm")
+    assert [(each.told.owner, each.host) for each in found] == [("arm", "base"), ("eye", ""), ("eye", "base")]
+
+
+def test_a_scout_reads_lines_and_ends_with_its_input() -> None:
+    asked = [b"nonsense\n", b"7\n", b'{"id": 1, "do": "census", "middlewares": ["nothing"]}\n', b'{"do": "census"}\n']
+    out = io.BytesIO()
+    assert scout.main(io.BytesIO(b"".join(asked)), out) == 0
+    answers = [json.loads(line) for line in out.getvalue().splitlines()]
+    assert answers == [{"id": 1, "tellers": [], "troubles": []}, {"id": 1, "end": True}]
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_components_of_all_hosts_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base", sums="base"):
+        found = [json.loads(line) for line in said(capsys, "list", "--middleware", "shm", "--json").splitlines()]
+        assert [(each["owner"], each["host"], each["pid"]) for each in found] == [
+            ("sums", "", os.getpid()),
+            ("sums", "base", os.getpid()),
+        ]
+        shown = said(capsys, "list", "--middleware", "shm", "--host", "base", "--network", "home")
+        assert [line.split()[:2] for line in shown.splitlines()] == [["component", "host"], ["sums", "base"]]
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_the_exit_status_tells_that_a_host_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base") as network:
+        network.network.scouts.clear()
+        assert rc.main(["list", "--middleware", "shm"]) == UNREACHABLE
+        shown = capsys.readouterr()
+        assert "sums" in shown.out
+        assert shown.err == "warning: base is out of reach: its cable was cut\n"
+
+
+@pytest.mark.usefixtures("own_runtime_folder")
+def test_a_wrong_name_of_a_host_or_a_network_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc.main(["list", "--host", "base"]) == USAGE
+    assert "no network with other hosts runs here" in capsys.readouterr().err
+    with elsewhere.network("base"):
+        assert rc.main(["list", "--host", "vase"]) == USAGE
+        assert "did you mean 'base'" in capsys.readouterr().err.replace("`", "'")
+        assert rc.main(["list", "--network", "work"]) == 1
+        assert "network `work` is not running" in capsys.readouterr().err
