@@ -40,6 +40,12 @@ def from_json(kind: type[T], told: Any) -> T:
     return made
 
 
+def fields_from_json(kind: type[Any], told: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of some fields of a dataclass. Raises ValueError, which names what does not fit."""
+    hints = get_type_hints(kind)
+    return {name: _read(hints[name], value, f"{kind.__name__}.{name}") for name, value in told.items()}
+
+
 def _read(kind: Any, told: Any, at: str) -> Any:
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is UnionType:

@@ -13,18 +13,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..contract.component import Component
+from ..dsl.ddsl.clauses import CLAUSES
 from ..dsl.ddsl.clocks import check_clock, read_clock
 from ..dsl.ddsl.model import Clock, Deployment, Instance
 from ..dsl.ddsl.model import Host as Block
-from ..dsl.ddsl.restarts import DEFAULTS, read_restart
-from ..dsl.ddsl.scope import HERE, host_of, restart_of
+from ..dsl.ddsl.scope import HERE, host_of
 from ..dsl.diagnostics import Report
 from ..dsl.numbers import whole
 from ..dsl.source import Name, Source
 from ..runtime.effective import toml
 from ..wire.names import whole as whole_name
-from .plan import Host, Overrides, Security
-from .policy import Escalation, Restart, When
+from .asjson import fields_from_json
+from .plan import Host, Overrides, Plan, Security
+from .policy import Escalation
+from .process import Process
 
 
 def host_name(model: Deployment, instance: Instance) -> str:
@@ -77,18 +80,16 @@ def _host(block: Block) -> Host:
     )
 
 
-def clauses(model: Deployment, together: Sequence[Instance]) -> dict[str, Any]:
+def of_process(model: Deployment, together: Sequence[Instance]) -> dict[str, Any]:
     """The fields of `Process` that the clauses of its instances set."""
-    return {name: read(model, together) for name, read in _CLAUSES.items()}
+    values = {each.name: each.process(model, together) for each in CLAUSES if each.process}
+    return {**fields_from_json(Process, values), "system": together[-1].system}
 
 
-def _restart(model: Deployment, together: Sequence[Instance]) -> Restart:
-    """Whether and how often it is started again; all its instances say the same."""
-    said = restart_of(model, together[-1])
-    if said is None:
-        return Restart()
-    given = {**DEFAULTS, **read_restart(said, Report())}
-    return Restart(When(said.policy.text), int(given.pop("intensity")), **given)
+def of_plan(model: Deployment, components: Mapping[str, Component], report: Report) -> dict[str, Any]:
+    """The fields of `Plan` that the clauses of a network set. `components` are those of its instances, by name."""
+    values = {each.name: each.plan(model, components, report) for each in CLAUSES if each.plan}
+    return {**fields_from_json(Plan, values), "escalations": escalations(model)}
 
 
 def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
@@ -97,35 +98,6 @@ def escalations(model: Deployment) -> dict[tuple[str, ...], Escalation]:
     if model.escalation:
         said[()] = model.escalation
     return {path: Escalation(name.text) for path, name in said.items()}
-
-
-def _grace(model: Deployment, together: Sequence[Instance]) -> float | None:
-    """Seconds that it has to end: the longest grace of an instance, times their number; None if none has one."""
-    said = [each.grace.seconds if each.grace.unit else each.grace.number for each in together if each.grace]
-    known = [seconds for seconds in said if seconds is not None]
-    return max(known) * len(together) if known else None
-
-
-def _notifies(model: Deployment, together: Sequence[Instance]) -> bool:
-    """Whether it reports that it is ready, as all components do."""
-    return together[-1].program is None or together[-1].notifies is not None
-
-
-def environment(model: Deployment, together: Sequence[Instance]) -> dict[str, str]:
-    return {variable.name.text: variable.value.text for each in together for variable in each.env}
-
-
-def _system(model: Deployment, together: Sequence[Instance]) -> tuple[str, ...]:
-    return together[-1].system
-
-
-_CLAUSES: Mapping[str, Callable[[Deployment, Sequence[Instance]], Any]] = {
-    "env": environment,
-    "grace": _grace,
-    "notifies": _notifies,
-    "restart": _restart,
-    "system": _system,
-}
 
 
 def security(model: Deployment) -> Security:
@@ -147,11 +119,6 @@ def with_clock(model: Deployment, overrides: Overrides, report: Report) -> Deplo
     if overrides.clock:
         check_clock(changed, report)
     return model if report.errors else changed
-
-
-def clock(model: Deployment) -> str:
-    """The instance whose clock all others follow; "" without one."""
-    return model.clock.leader.text if model.clock else ""
 
 
 def clock_of(model: Deployment, instance: Instance, speed: float | None = None) -> Iterator[str]:

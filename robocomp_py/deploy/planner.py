@@ -23,6 +23,7 @@ from ..dsl.cdsl.qos import read_qos as qos_of
 from ..dsl.ddsl.hosts import check_ports
 from ..dsl.ddsl.model import Deployment, Instance
 from ..dsl.ddsl.order import process_dependences, processes_of, start_order
+from ..dsl.ddsl.programs import environment_of
 from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
 from ..dsl.source import Name, Source
 from ..dsl.workspace import LinkedComponent, Workspace, nearby
@@ -181,11 +182,9 @@ class _Planner:
             self._choice.ways,
             (*self._choice.notes, *dict.fromkeys(self._outside()), *self._circles()),
             placing.hosts_of(self._model, self._model.instances),
-            placing.escalations(self._model),
-            placing.security(self._model),
-            (*self._wiring.helpers, *self._placement.helpers),
-            {each.name: self._ours(each, folders[each.name]) for each in self._configured},
-            placing.clock(self._model),
+            helpers=(*self._wiring.helpers, *self._placement.helpers),
+            ours={each.name: self._ours(each, folders[each.name]) for each in self._configured},
+            **placing.of_plan(self._model, {node.name: node.component for node in nodes}, self._report),
         )
 
     def _ours(self, each: Configured, folder: Path) -> Ours:
@@ -389,7 +388,7 @@ class _Planner:
             members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
             host=only.host,
             files=tuple(dict.fromkeys(path for node in together for path in self._files(node))),
-            **placing.clauses(self._model, [node.instance for node in together]),
+            **placing.of_process(self._model, [node.instance for node in together]),
         )
 
     def _files(self, node: Node) -> Iterator[Path]:
@@ -404,7 +403,7 @@ class _Planner:
 
     def _variables(self, node: Node) -> dict[str, str]:
         """The environment that the network gives to the process of an instance."""
-        return placing.environment(self._model, self._together[node.instance.runs_in.text])
+        return environment_of(self._model, self._together[node.instance.runs_in.text])
 
     def _command(self, node: Node) -> list[str] | None:
         """What starts an instance that has a process of its own."""

@@ -18,6 +18,8 @@ from lark import Lark
 from lark.grammar import Rule
 from lark.lexer import PatternRE, TerminalDef
 
+from .ddsl.clauses import grammar_rules
+
 FOLDER = Path(__file__).parent
 OF_MAKING = ("edit_terminals", "import_paths")
 """Options of lark that make tables; loaded ones do without."""
@@ -50,13 +52,14 @@ def tables_file(name: str) -> Path:
 
 
 def read_grammar(name: str) -> Grammar:
-    """The grammar of the language in a folder of this package."""
-    own, shared = FOLDER / name / "grammar.lark", FOLDER / "common.lark"
+    """The grammar of the language in a folder of this package: its file, and for DDSL the rules of its clauses."""
+    own = (FOLDER / name / "grammar.lark").read_text(encoding="utf-8") + (grammar_rules() if name == "ddsl" else "")
+    shared = (FOLDER / "common.lark").read_text(encoding="utf-8")
     try:
         tables = tables_file(name).read_text(encoding="utf-8")
     except FileNotFoundError:
         tables = "{}"
-    return Grammar(own.read_text(encoding="utf-8"), shared.read_text(encoding="utf-8"), tables)
+    return Grammar(own, shared, tables)
 
 
 def make(grammar: Grammar) -> Tables:

@@ -19,8 +19,7 @@ from ..dsl.cdsl.check import OPTIONS
 from ..dsl.cdsl.model import SECONDS
 from ..dsl.cdsl.qos import KNOWN
 from ..dsl.comments import find_comments
-from ..dsl.ddsl.clocks import CLOCK_SETTINGS
-from ..dsl.ddsl.restarts import DEFAULTS
+from ..dsl.ddsl.clauses import Refers, beginning
 from ..dsl.ddsl.scope import meanings
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.source import Source, Span
@@ -313,28 +312,22 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     words = place.words
     last = words[-1] if words else ""
     symbols = list(place.index.visible(place.path))
+    clause = beginning(place.first)
     if words[:1] == ["offers"]:
         if last in (":", ","):
             yield from _offerable(place, symbols)
     elif last == ":" or (last == "Component" and len(words) == 1):
         yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
-    elif words[:1] == ["dependences"] and last in ("dependences", ","):
-        own = place.blocks[-1].head[1] if len(place.blocks[-1].head) > 1 else ""
-        yield from (each for each in _instances(place, symbols, Kind.INSTANCE) if each.label != own)
-    elif words == ["clock"]:
-        yield from _instances(place, symbols, Kind.INSTANCE)
-    elif words[:1] == ["clock"] and _open_call(words):
-        yield from (Candidate(word, "word") for word in CLOCK_SETTINGS if last in ("(", ","))
-    elif words == ["host"]:
-        yield from (_symbol(each) for each in _of(symbols, Kind.HOST) if place.heads[-1:] != ["deployment"])
-    elif words[:1] == ["restart"] and _open_call(words):
-        yield from (Candidate(word, "word") for word in DEFAULTS if last in ("(", ","))
+    elif clause and clause.settings and _open_call(words):
+        yield from (Candidate(word, "word", doc=text) for word, text in clause.settings.items() if last in ("(", ","))
+    elif clause and clause.refers and (len(words) == 1 or (clause.many and last == ",")):
+        yield from _referable(place, clause.refers, symbols)
     elif last == "from":
         yield from _providers(place, symbols)
     elif len(words) == 1 and last in ("requires", "subscribesTo"):
         yield from _wireable(place, last, symbols)
     elif last == "middleware":
-        yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+        yield from _referable(place, Refers.MIDDLEWARE, symbols)
     elif last == "process":
         named = re.findall(r"\bprocess\s+([A-Za-z_]\w*)\s*;", find_comments(place.source).bare)
         yield from (Candidate(name, "word", "process") for name in dict.fromkeys(named))
@@ -343,6 +336,18 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     elif place.first == "qos" and last in ("qos", *_TOPIC_VERBS):
         for verb in _TOPIC_VERBS if last == "qos" else (last,):
             yield from _wireable(place, verb, symbols)
+
+
+def _referable(place: _Place, what: Refers, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """What the names in a clause may stand for."""
+    match what:
+        case Refers.INSTANCE:
+            own = place.blocks[-1].head[1] if place.heads[-1:] == ["component"] else ""
+            yield from (each for each in _instances(place, symbols, Kind.INSTANCE) if each.label != own)
+        case Refers.HOST:
+            yield from (_symbol(each) for each in _of(symbols, Kind.HOST) if place.heads[-1:] != ["deployment"])
+        case Refers.MIDDLEWARE:
+            yield from (Candidate(name, "word", "middleware") for name in installed.transports())
 
 
 _TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)

@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 from ..contract.qos import PRESETS
-from ..dsl.ddsl.restarts import DEFAULTS
+from ..dsl.ddsl.clauses import explanation
 from ..dsl.idsl.check import BUILTIN
 from ..transports.deployment import deployment_of
 from .index import Index
@@ -117,7 +117,8 @@ def _of_word(word: str, ending: str) -> str:
         return f"`{word}`: {ACTION_WORDS[word]}"
     if ending in (".cdsl", ".ddsl") and (summary := deployment_of(word.lower()).summary):
         return f"`{word}`: {summary}"
-    return f"`{word}`: {NETWORK_WORDS[word]}" if ending == ".ddsl" and word in NETWORK_WORDS else ""
+    text = explanation(word) if ending == ".ddsl" else ""
+    return f"`{word}`: {text}" if text else ""
 
 
 POLICY_WORDS = {
@@ -129,26 +130,6 @@ ACTION_WORDS = {
     "action": "an operation that takes long: its client gets a goal with feedback, cancellation and a result",
     "confirm": "tools ask a person before they call it by hand: it stops or moves something",
     "feedback": "what the server of an action tells its client on the way",
-}
-
-NETWORK_WORDS = {
-    "never": "it is not started again",
-    "on_failure": "it is restarted if it fails",
-    "always": "it is restarted whenever it ends by itself",
-    "intensity": f"how many restarts within a `period` are too many, {DEFAULTS['intensity']:g} by default",
-    "period": f"the seconds within which restarts are counted, {DEFAULTS['period']:g} by default",
-    "delay": f"the seconds before the first restart, {DEFAULTS['delay']:g} by default; doubled before each further one",
-    "max_delay": f"the most seconds before a restart, {DEFAULTS['max_delay']:g} by default",
-    "one_for_one": "only the failed instance is restarted",
-    "rest_for_one": "the failed instance is restarted, and those that start after it",
-    "one_for_all": "all instances of the system, or of the network, are restarted",
-    "local": "only this user on this machine takes part: loopback, sockets and shared memory of one folder",
-    "lan": "only processes with a key take part, and everything is encrypted: see `rcdeploy keys`",
-    "open": "every process that reaches the network takes part",
-    "offers": "the component provides these interfaces under a further name, as another instance",
-    "notifies": "the program tells by sd_notify(3) when it is ready, and others wait for that",
-    "stop": "processes on the host end when the launcher of the network is gone",
-    "keep": "processes on the host go on when the launcher of the network is gone",
 }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ..dsl.cdsl.model import Component, Item, Timer
+from ..dsl.ddsl.clauses import Refers, referring
 from ..dsl.ddsl.model import Deployment, Instance, Offer, System
 from ..dsl.idsl import model as idsl
 from ..dsl.idsl.check import BUILTIN
@@ -337,21 +338,36 @@ def _of_deployment(model: Deployment) -> Outline:
         Symbol(Kind.HOST, each.name, within, each.span, detail=str(each.address or "")) for each in model.hosts
     )
     children = (*hosts, *_parts(model, ()))
-    named = (*(each.host for each in model.systems), *(each.host for each in model.instances))
     further = {offer.name.text for each in model.instances for offer in _further(each)}
     return Outline(
         model.source,
         (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=children),),
         (
             *(use for each in model.instances for use in _uses_of_instance(each, within, further)),
-            *(_uses_of_whole(model.clock.leader, within) if model.clock else ()),
-            *(Use(name, (Kind.HOST,), within) for name in named if name),
+            *(use for block in _blocks(model) for what, name in referring(block) for use in _uses(what, name, within)),
         ),
         (
             *(Link(each, ".cdsl") for each in model.imports),
             *(Link(name) for each in model.instances for name in (each.path, each.config) if name),
         ),
     )
+
+
+def _blocks(model: Deployment) -> Iterator[Deployment | System | Instance]:
+    yield model
+    yield from model.systems
+    yield from model.instances
+
+
+def _uses(what: Refers, name: Name, within: str) -> Iterator[Use]:
+    """The uses in a name in a clause."""
+    match what:
+        case Refers.INSTANCE:
+            yield from _uses_of_whole(name, within)
+        case Refers.HOST:
+            yield Use(name, (Kind.HOST,), within)
+        case Refers.MIDDLEWARE:
+            pass
 
 
 def _parts(model: Deployment, system: tuple[str, ...]) -> Iterator[Symbol]:
@@ -382,8 +398,6 @@ def _offer(offer: Offer, within: str) -> Symbol:
 def _uses_of_instance(instance: Instance, within: str, named: Set[str]) -> Iterator[Use]:
     """`named` has all named instances of the network."""
     yield Use(instance.component, (Kind.COMPONENT,), "", implied=instance.kind is None)
-    for name in instance.dependences:
-        yield from _uses_of_whole(name, within)
     for port in (*(each.port for each in instance.wirings), *(each.port for each in instance.qos)):
         yield Use(_without_number(port), (Kind.INTERFACE,))
         if re.search(r"\d$", port.text):

@@ -7,20 +7,14 @@ import json
 import shutil
 import socket
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy import placing
 from robocomp_py.deploy.hosts import addresses
 from robocomp_py.deploy.plan import Host, Overrides, Plan, Process, Security
 from robocomp_py.deploy.planner import make_plan
 from robocomp_py.deploy.policy import Escalation, Restart, When
-from robocomp_py.dsl.ddsl.model import Instance
-from robocomp_py.dsl.ddsl.parser import parse
-from robocomp_py.dsl.diagnostics import Report
-from robocomp_py.dsl.source import Source
 from robocomp_py.dsl.workspace import Workspace
 
 from .planned import command, errors, plan
@@ -254,23 +248,6 @@ def test_whether_a_process_is_started_again_is_said_by_it_or_by_its_network(fold
     assert processes["recorder"].restart == Restart(When.ALWAYS)
     assert found.escalations == {(): Escalation.REST_FOR_ONE}
     assert [each.grace for each in found.processes] == [None, None, 2.5]
-
-
-def test_every_clause_of_an_instance_is_read_into_its_process() -> None:
-    """A clause that sets a field of its own is in `placing`; the others are parts of the fields below."""
-    parts = {
-        "command": ("path", "existing", "config", "args", "middleware", "wirings", "qos", "port", "offers"),
-        "name": ("name", "process"),
-        "component": ("kind",),
-        "after": ("dependences",),
-        "host": ("host", "ip"),
-    }
-    given = {each.name for each in fields(Instance)} - {"span", "clauses"}
-    model = parse(Source(Path("net.ddsl"), "Deployment net { Component sensor { }; };"), Report())
-    assert model is not None
-    read = placing.clauses(model, model.instances)
-    assert given - {name for names in parts.values() for name in names} == read.keys() - {"system"}
-    assert {*parts, *read} <= {each.name for each in fields(Process)}
 
 
 def test_nothing_is_restarted_by_default(folder: Path) -> None:

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from lark import Lark
 from lark.grammar import NonTerminal, Rule, Symbol
 
+from robocomp_py.dsl.tables import read_grammar
+
 WORDS = {
     "NAME": ["a", "Laser", "x_1", "qos", "A" * 40],
     "STRING": ['""', '"x.idsl"', '"a\tb // {;,"'],
@@ -35,8 +37,7 @@ _MOST_STEPS = 80
 @cache
 def lark_of(language: str) -> Lark:
     dsl = files("robocomp_py.dsl")
-    grammar = dsl.joinpath(language, "grammar.lark").read_text()
-    return Lark(grammar, parser="lalr", maybe_placeholders=False, import_paths=[str(dsl)])
+    return Lark(read_grammar(language).own, parser="lalr", maybe_placeholders=False, import_paths=[str(dsl)])
 
 
 @st.composite

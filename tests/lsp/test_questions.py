@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import re
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from lsprotocol import types as lsp
-
-from robocomp_py.dsl.ddsl.restarts import DEFAULTS
-from robocomp_py.lsp.hover import NETWORK_WORDS
 
 from .conftest import FLEET, write_project
 from .editor import Editor
@@ -342,13 +337,6 @@ def test_without_folders_what_is_beside_any_open_file_is_looked_through(tmp_path
         [found] = editor.ask(editor.client.text_document_references_async(parameters)) or ()
         assert found.uri == editor.uri("Arm.idsl")
     assert editor.leave() == 0
-
-
-def test_hovering_explains_every_word_that_a_clause_of_a_network_offers() -> None:
-    grammar = (files("robocomp_py.dsl.ddsl") / "grammar.lark").read_text(encoding="utf-8")
-    offered = {word for rule in re.findall(r"^!.*", grammar, re.M) for word in re.findall(r'"(\w+)"', rule)}
-    verbs = {"requires", "subscribesTo", "publishes"}
-    assert NETWORK_WORDS.keys() - {"notifies", "offers"} == (offered - verbs) | DEFAULTS.keys()
 
 
 RING = 'import "Laser.idsl"; Component ring { Communications { implements Laser each; }; language python; };'

@@ -5,22 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from ..cdsl.qos import read_qos
 from ..diagnostics import Report, did_you_mean
 from ..source import Name
 from . import model as m
-from .clocks import check_clock
-from .hosts import check_hosts
-from .offers import check_offers
+from .clauses import CLAUSES, clause_type
 from .order import process_dependences, processes_of, start_order
-from .programs import check_notifies, check_program
-from .restarts import check_restarts, read_restart
-from .scope import HERE, host_of, meanings, offered, restart_of
-
-_MANY = ("dependences", "env", "args", "wiring", "qos", "offers")
-"""Clauses that may be repeated."""
+from .scope import meanings, offered
 
 
 def check(model: m.Deployment, report: Report) -> None:
@@ -28,16 +21,13 @@ def check(model: m.Deployment, report: Report) -> None:
     for block in (*blocks, *model.systems, *model.instances):
         _check_once(block.clauses, report)
     _check_names(model, report)
-    check_offers(model, report)
-    check_hosts(model, report)
-    check_restarts(model, report)
+    for check_clause in dict.fromkeys(each.check for each in CLAUSES):
+        if check_clause:
+            check_clause(model, report)
     _check_named(model, report)
-    check_clock(model, report)
     _check_dependences(model, report)
     _check_processes(model, report)
     for instance in model.instances:
-        check_program(instance, report)
-        check_notifies(instance, model.skipped, report)
         _check_qos(instance, report)
 
 
@@ -45,7 +35,7 @@ def _check_once(clauses: tuple[m.Clause, ...], report: Report) -> None:
     seen: dict[str, m.Clause] = {}
     for clause in clauses:
         first = seen.setdefault(clause.kind, clause)
-        if first is not clause and clause.kind not in _MANY:
+        if first is not clause and not clause_type(clause.kind).many:
             report.error("duplicate", f"`{clause.kind}` is given twice", clause.span, "", ("first here", first.span))
 
 
@@ -143,27 +133,12 @@ def _check_alike(model: m.Deployment, together: Sequence[m.Instance], report: Re
     """Check that the instances of a process agree on the clauses that hold for all of it."""
     first, *others = together
     for each in others:
-        for clause, meaning in _ALIKE.items():
-            if meaning(model, first) != meaning(model, each):
-                message = f"`{each.name}` and `{first.name}` share a process, which has one `{clause}`"
-                hint = f"write the same `{clause}` for both, or give each a process"
-                at, other = (getattr(one, clause) or one.name for one in (each, first))
+        for clause in CLAUSES:
+            if clause.alike and clause.alike(model, first) != clause.alike(model, each):
+                message = f"`{each.name}` and `{first.name}` share a process, which has one `{clause.name}`"
+                hint = f"write the same `{clause.name}` for both, or give each a process"
+                at, other = (getattr(one, clause.in_model) or one.name for one in (each, first))
                 report.error("unshared-process", message, at.span, hint, ("the other one", other.span))
-
-
-def _host(model: m.Deployment, instance: m.Instance) -> str:
-    """The host of an instance, as its file names it; "" for the host that launches the network."""
-    said = host_of(model, instance)
-    return "" if said is None or said.text in HERE else said.text
-
-
-def _restart(model: m.Deployment, instance: m.Instance) -> tuple[str, dict[str, float]]:
-    restart = restart_of(model, instance)
-    return (restart.policy.text, read_restart(restart, Report())) if restart else ("never", {})
-
-
-_ALIKE: Mapping[str, Callable[[m.Deployment, m.Instance], object]] = {"host": _host, "restart": _restart}
-"""What a clause that holds for a whole process means for an instance."""
 
 
 def _check_environment(together: Sequence[m.Instance], report: Report) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ...contract.component import MAX_SECONDS
 from ..cdsl.model import Setting
 from ..diagnostics import Report, did_you_mean
@@ -9,7 +11,11 @@ from . import model as m
 from .restarts import value_of
 from .scope import HERE, host_of
 
-CLOCK_SETTINGS = ("speed", "lost")
+CLOCK_SETTINGS: Mapping[str, str] = {
+    "speed": "the clock's seconds in a second: a number above 0, or `max` for as fast as possible",
+    "lost": "what happens when a follower is gone: `keep` on, or `stop`",
+}
+"""The settings, with their meanings."""
 
 AS_FAST_AS_POSSIBLE = "max"
 """The word for a speed without limit."""
@@ -39,19 +45,26 @@ def check_clock(model: m.Deployment, report: Report) -> None:
     read_clock(clock, report)
 
 
+def leader_of(model: m.Deployment) -> str:
+    """The instance whose clock all others follow; "" without one."""
+    return model.clock.leader.text if model.clock else ""
+
+
 def read_clock(clock: m.Clock, report: Report) -> dict[str, float | str]:
     """The settings of the clock, by name: `speed`, where 0 means as fast as possible, and `lost`."""
     read: dict[str, float | str] = {}
     for each in clock.settings:
         name = each.name.text
         value = _speed(each) if name == "speed" else _lost(each) if name == "lost" else None
-        if name not in _SAID:
-            hint = did_you_mean(name, _SAID) or f"there are {' and '.join(CLOCK_SETTINGS)}"
+        if name not in CLOCK_SETTINGS:
+            hint = did_you_mean(name, CLOCK_SETTINGS) or f"there are {' and '.join(CLOCK_SETTINGS)}"
             report.error("bad-clock", f"`{name}` is not a setting of `clock`", each.name.span, hint)
         elif name in read:
             report.error("bad-clock", f"`{name}` is given twice", each.span)
         elif value is None:
-            report.error("bad-clock", f"`{name}` is {_SAID[name]}", each.span, f"as in: {name} {_EXAMPLES[name]}")
+            report.error(
+                "bad-clock", f"`{name}` is {CLOCK_SETTINGS[name]}", each.span, f"as in: {name} {_EXAMPLES[name]}"
+            )
         else:
             read[name] = value
     return read
@@ -69,7 +82,3 @@ def _lost(setting: Setting) -> str | None:
 
 
 _EXAMPLES = {"speed": "10", "lost": "stop"}
-_SAID = {
-    "speed": "the clock's seconds in a second: a number above 0, or `max` for as fast as possible",
-    "lost": "what happens when a follower is gone: `keep` on, or `stop`",
-}

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from lark import Token, Tree
 
-from ..cdsl.model import Setting
 from ..cdsl.parser import amount_of, setting_of
 from ..diagnostics import Report
 from ..source import Name, Source
 from ..syntax import Builder, Grammar, Parsed
 from . import model as m
+from .clauses import Block, Written, clause_type, misplaced_hints
 from .scope import meanings, offered, whole
 
 _DESCRIBE = "describe it next to the components: host onboard { … }; and write here: host onboard;"
@@ -20,18 +20,16 @@ _HINTS = {
     r"\b(?:address|ip|user)\s+\w[\w-]*[.@-]\S*": 'a name with dots or dashes needs double quotes: "robot.local"',
     r"\b(?-i:host)\s+\w+\s*;?\s*\{": _DESCRIBE,
     r"\bhost\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
-    r"\bescalation\b": "write it for the network or for a `System`",
-    r"\b(?:security|namespace|clock)\b": "write it once, for the whole network",
-    r"\bmiddleware\b": "write it for the network or for a component",
     r"\boffers\s+\w+\s*;": "name its interfaces: offers front : Laser;",
-    r"\boffers\b": "write it in the block of the component that provides it: offers front : Laser;",
-    r"\bgrace\b|\b(?-i:notifies)\s*;": "write it in the block of each component",
+    **misplaced_hints(),
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
     r"\brestart\s+\w+\s+\d\S*": "settings have names and are written in parentheses: restart on_failure(intensity 5);",
     r"\brestart\s+\w+\s*\([^);]*\d\s+\w+\s+\d": "separate settings by commas: (intensity 5, period 60)",
 }
 _GRAMMAR = Grammar("ddsl", _HINTS)
 _BLOCKS = ("component", "system", "machine")
+
+_B = TypeVar("_B", bound=m.Deployment | m.System | m.Instance | m.Host)
 
 
 def parse(source: Source, report: Report) -> m.Deployment | None:
@@ -64,8 +62,7 @@ class _Builder(Builder):
             clauses=self._clauses(clauses),
             skipped=self._parsed.skipped,
         )
-        for clause in clauses:
-            model = replace(model, **self._said(clause))
+        model = self._with(model, clauses, Block.NETWORK, ())
         if model.clock:
             leader = self._meant(model.clock.leader, ())
             model = replace(model, clock=replace(model.clock, leader=leader))
@@ -81,74 +78,41 @@ class _Builder(Builder):
                 clauses = [each for each in inside if each.data not in _BLOCKS]
                 name = self._within(self._name(tree.children[0]), system)
                 found = m.System(name, self._span(tree), clauses=self._clauses(clauses))
-                for clause in clauses:
-                    found = replace(found, **self._said(clause))
-                self._systems.append(found)
-                self._read_blocks(inside, tuple(name.text.split("/")))
+                path = tuple(name.text.split("/"))
+                self._systems.append(self._with(found, clauses, Block.SYSTEM, path))
+                self._read_blocks(inside, path)
 
     def _host(self, tree: Tree[Any]) -> m.Host:
         name, *clauses = tree.children
         host = m.Host(self._name(name), self._span(tree), clauses=self._clauses(clauses))
-        for clause in clauses:
-            host = replace(host, **self._said(clause))
-        return host
+        return self._with(host, clauses, Block.HOST, ())
 
     def _instance(self, tree: Tree[Any], system: tuple[str, ...]) -> m.Instance:
         names = [self._name(child) for child in tree.children if isinstance(child, Token)]
         clauses = [child for child in tree.children if isinstance(child, Tree)]
         kind = names[1] if len(names) > 1 else None
         instance = m.Instance(self._within(names[0], system), self._span(tree), kind, clauses=self._clauses(clauses))
-        for clause in clauses:
-            instance = self._with(instance, clause)
-        return instance
+        return self._with(instance, clauses, Block.INSTANCE, system)
 
-    def _with(self, instance: m.Instance, clause: Tree[Any]) -> m.Instance:
-        """The instance with the content of a clause added."""
-        names, span = [self._name(each) for each in clause.children if isinstance(each, Token)], self._span(clause)
-        changed: dict[str, Any]
-        match str(clause.data):
-            case "dependences" | "args" as many:
-                changed = {many: (*getattr(instance, many), *names)}
-            case "env":
-                changed = {"env": (*instance.env, m.Variable(names[0], names[1], span))}
-            case "wiring":
-                verb, port, provider, *middleware = names
-                wiring = m.Wiring(verb, port, provider, span, middleware[0] if middleware else None)
-                changed = {"wirings": (*instance.wirings, wiring)}
-            case "qos":
-                *verbs, port = names
-                quality = m.Quality(verbs[0] if verbs else None, port, self._settings(clause), span)
-                changed = {"qos": (*instance.qos, quality)}
-            case "offers":
-                name, *rest = names
-                numbers = [each for each in rest if each.text.isdecimal()]
-                interfaces = tuple(each for each in rest if each not in numbers)
-                offer = m.Offer(self._within(name, instance.system), interfaces, span, next(iter(numbers), None))
-                changed = {"offers": (*instance.offers, offer)}
-            case "process":
-                changed = {"process": self._within(names[0], instance.system)}
-            case _:
-                changed = self._said(clause)
-        return replace(instance, **changed)
+    def _with(self, block: _B, clauses: list[Tree[Any]], kind: Block, system: tuple[str, ...]) -> _B:
+        """The block with the content of its clauses. `system` is where their names are looked up."""
+        for tree in clauses:
+            clause = clause_type(str(tree.data), kind)
+            value = clause.read(self._written(tree, system))
+            if clause.many:
+                value = (*getattr(block, clause.in_model), *value)
+            block = replace(block, **{clause.in_model: value})
+        return block
 
-    def _said(self, clause: Tree[Any]) -> dict[str, Any]:
-        """The fields that a simple clause sets, by name."""
-        names = [self._name(each) for each in clause.children if isinstance(each, Token)]
-        match str(clause.data):
-            case "middleware":
-                return {"middleware": _middleware(names)}
-            case "namespace":
-                return {"namespace": "/".join(name.text for name in names)}
-            case "restart":
-                return {"restart": m.Restart(names[0], self._settings(clause), self._span(clause))}
-            case "clock":
-                return {"clock": m.Clock(names[0], self._settings(clause), self._span(clause))}
-            case "grace":
-                return {"grace": amount_of(self._source, clause.children[0])}
-            case "notifies":
-                return {"notifies": m.Clause("notifies", self._span(clause))}
-            case one:  # it has the name of the field
-                return {one: names[0]}
+    def _written(self, tree: Tree[Any], system: tuple[str, ...]) -> Written:
+        trees = [each for each in tree.children if isinstance(each, Tree)]
+        return Written(
+            tuple(self._name(each) for each in tree.children if isinstance(each, Token)),
+            tuple(setting_of(self._source, each) for each in trees if each.data == "setting"),
+            tuple(amount_of(self._source, each) for each in trees if each.data == "duration"),
+            self._span(tree),
+            system,
+        )
 
     def _resolved(self) -> tuple[m.Instance, ...]:
         """The instances, with references replaced by full names. An unknown name stays as it is written."""
@@ -178,14 +142,5 @@ class _Builder(Builder):
     def _within(self, name: Name, system: tuple[str, ...]) -> Name:
         return Name(whole(system, name.text), name.span)
 
-    def _settings(self, clause: Tree[Any]) -> tuple[Setting, ...]:
-        return tuple(setting_of(self._source, each) for each in clause.children if isinstance(each, Tree))
-
     def _clauses(self, trees: list[Tree[Any]]) -> tuple[m.Clause, ...]:
         return tuple(m.Clause(str(each.data), self._span(each)) for each in trees)
-
-
-def _middleware(names: list[Name]) -> Name:
-    """`zenoh`, or `auto(zenoh)` as one name."""
-    first, *inner = names
-    return Name(f"{first}({inner[0]})", first.span.to(inner[0].span)) if inner else first

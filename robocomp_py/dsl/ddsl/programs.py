@@ -4,13 +4,29 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 from ..diagnostics import Report
 from . import model as m
 
 
-def check_program(instance: m.Instance, report: Report) -> None:
+def check_programs(model: m.Deployment, report: Report) -> None:
+    for instance in model.instances:
+        _check_program(instance, report)
+        _check_notifies(instance, model.skipped, report)
+
+
+def environment_of(model: m.Deployment, together: Sequence[m.Instance]) -> dict[str, str]:
+    """The environment that the network gives to a process."""
+    return {variable.name.text: variable.value.text for each in together for variable in each.env}
+
+
+def notifies_of(model: m.Deployment, together: Sequence[m.Instance]) -> bool:
+    """Whether a process reports that it is ready, as all components do."""
+    return together[-1].program is None or together[-1].notifies is not None
+
+
+def _check_program(instance: m.Instance, report: Report) -> None:
     _check_variables(instance, report)
     given = (*instance.args, *(each.value for each in instance.env), instance.path, instance.config, instance.existing)
     for text in given:
@@ -38,7 +54,7 @@ def check_program(instance: m.Instance, report: Report) -> None:
         report.error("bad-command", message, command.span, hint)
 
 
-def check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> None:
+def _check_notifies(instance: m.Instance, skipped: Set[str], report: Report) -> None:
     """Check that only programs have `notifies`. `skipped`: words that syntax errors left out."""
     if instance.notifies and not instance.program and not skipped & {"path", "existing"}:
         message = f"`{instance.name}` is a generated component, which reports by itself when it is ready"

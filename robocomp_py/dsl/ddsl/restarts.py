@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...contract.component import MAX_SECONDS
@@ -93,6 +93,36 @@ def read_restart(restart: m.Restart, report: Report) -> dict[str, float]:
 _EXAMPLES = {"intensity": "5", "period": "60", "delay": "0.2", "max_delay": "30"}
 DEFAULTS: Mapping[str, float] = {name: float(text) for name, text in _EXAMPLES.items()}
 """The defaults."""
+
+RESTART_SETTINGS: Mapping[str, str] = {
+    "intensity": f"how many restarts within a `period` are too many, {DEFAULTS['intensity']:g} by default",
+    "period": f"the seconds within which restarts are counted, {DEFAULTS['period']:g} by default",
+    "delay": f"the seconds before the first restart, {DEFAULTS['delay']:g} by default; doubled before each further one",
+    "max_delay": f"the most seconds before a restart, {DEFAULTS['max_delay']:g} by default",
+}
+"""The settings, with their meanings."""
+
+
+def same_restart(model: m.Deployment, instance: m.Instance) -> object:
+    """What the instances of a process must have in common."""
+    restart = restart_of(model, instance)
+    return (restart.policy.text, read_restart(restart, Report())) if restart else ("never", {})
+
+
+def restart_values(model: m.Deployment, together: Sequence[m.Instance]) -> dict[str, str | float]:
+    """Whether and how often a process is started again; all its instances say the same."""
+    said = restart_of(model, together[-1])
+    if said is None:
+        return {}
+    given = {**DEFAULTS, **read_restart(said, Report())}
+    return {**given, "intensity": int(given["intensity"]), "when": said.policy.text}
+
+
+def grace_of(model: m.Deployment, together: Sequence[m.Instance]) -> float | None:
+    """Seconds that a process has to end: the longest grace of an instance, times their number; None if none has one."""
+    said = [each.grace.seconds if each.grace.unit else each.grace.number for each in together if each.grace]
+    known = [seconds for seconds in said if seconds is not None]
+    return max(known) * len(together) if known else None
 
 
 def value_of(setting: Setting, *, timed: bool) -> float | None:

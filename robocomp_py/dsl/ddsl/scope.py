@@ -51,6 +51,12 @@ def host_of(model: m.Deployment, instance: m.Instance) -> Name | None:
     return next((said for each in _saying(model, instance) if (said := _host(each))), None)
 
 
+def place_of(model: m.Deployment, instance: m.Instance) -> str:
+    """The host of an instance, as its file names it; "" for the host that launches the network."""
+    said = host_of(model, instance)
+    return "" if said is None or said.text in HERE else said.text
+
+
 def _host(each: _Saying) -> Name | None:
     return each.host or (each.ip if isinstance(each, m.Instance) else None)
 
