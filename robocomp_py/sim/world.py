@@ -26,12 +26,12 @@ from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed, between, moved
-from .build import BASES, JOINTS, build
+from .build import build
 from .devices.laser import Laser
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .noise import normal
-from .parameters import Parameters
+from .parameters import BASES, JOINTS, Parameters
 from .servos import lag
 
 TICK = 0.005
