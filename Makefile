@@ -58,8 +58,8 @@ test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer
 	cd editors/vscode && npm ci && npm run check && npm test && npm run package
 
-fuzz: .venv/ready  ## damaged texts for the parsers (TEXTS=… for each test), and frames for each middleware (FRAMES=…)
-	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py $(ARGS)
+fuzz: .venv/ready  ## damaged texts and any messages (TEXTS=… for each test), and frames for each middleware (FRAMES=…)
+	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py tests/wire/test_codecs.py tests/wire/test_cdr.py $(ARGS)
 	$(BIN)/python -m tests.faults --only malformed --frames $(or $(FRAMES),1000000)
 
 faults: .venv/ready  ## the fault matrix, and docs/explanation/fault-matrix.md; hours, needs root (ARGS="--only kill", --help)

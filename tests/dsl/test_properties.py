@@ -90,7 +90,7 @@ MODELS = {
     ],
 }
 
-usual = settings(max_examples=50)  # `make fuzz` tries thousands
+usual = settings(max_examples=25)  # `make fuzz` tries thousands
 
 
 def lint(ending: str, text: str) -> None:

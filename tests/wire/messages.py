@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import make_dataclass
 from enum import IntEnum
 from typing import Any
@@ -27,8 +28,10 @@ from robocomp_py.contract.types import (
     integer_range,
 )
 
-patiently = settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.too_slow])
-"""How properties of any message are tested: a loaded machine is no failure."""
+MANY = int(os.environ.get("ROBOCOMP_FUZZ", "40"))
+
+patiently = settings(deadline=None, max_examples=MANY, suppress_health_check=[HealthCheck.too_slow])
+"""How properties of any message are tested: a loaded machine is no failure. `make fuzz` tries thousands."""
 
 DEPTH = 4
 INT32_RANGE = integer_range(Primitive.INT32)
