@@ -104,7 +104,7 @@ _JOINT = (
 _WITHOUT_EFFECT = tuple(_number(f"{end}{axis}", "without effect") for end in "lh" for axis in "xyz")
 _SURFACE = (
     _text("texture", "a file with a picture, or a colour as `#rrggbb`"),
-    _count("repeat", "edge of one repetition of the texture, mm", 1000),
+    _count("repeat", "without effect: every side has the whole picture", 1000),
     _numbers("size", "width, height and depth of the box, mm", (2500.0,)),
     *(_number(f"n{axis}", f"the part {axis} of its normal") for axis in "xyz"),
     *(_number(f"p{axis}", f"the part {axis} of its centre, mm") for axis in "xyz"),

@@ -11,7 +11,6 @@ pairs of bodies that do not touch.
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +28,7 @@ from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
 from . import servos
 from .contacts import part
+from .looks import GREY, Looks, Pixels, colour_of
 from .parameters import BASES, JOINTS, Parameters, checked
 
 _MASS = 0.5
@@ -112,6 +112,12 @@ class Scene:
     """The nodes of the geoms, by the numbers of the geoms."""
     stops: NDArray[np.bool_]
     """Which geoms stop a base while physics is off, and belong to what is stopped; shape (number of geoms,)."""
+    tree: Tree
+    """What it was made of."""
+    cameras: Mapping[str, int]
+    """The numbers of cameras, in a model to be drawn."""
+    displays: Mapping[str, int]
+    """The numbers of the textures of displays, in a model to be drawn."""
 
 
 @dataclass(slots=True)
@@ -132,13 +138,23 @@ class _Building:
     """Shapes that are part of the world, by their names in MuJoCo, and of what they are made."""
     trees: dict[str, str] = field(default_factory=dict)
     """By the name of a body in MuJoCo: the name of the body at the top that carries it."""
+    looks: Looks | None = None
+    """Of a model that is drawn."""
 
 
-def build(tree: Tree, tick: float, *, without_meshes: bool = False, parameters: Parameters | None = None) -> Scene:
+def build(
+    tree: Tree,
+    tick: float,
+    *,
+    without_meshes: bool = False,
+    parameters: Parameters | None = None,
+    shown: Mapping[str, Pixels] | None = None,
+) -> Scene:
     """Make the model of a tree; `tick` is the length of a step in s.
 
-    Raises InnerModelError for a mesh that cannot be read, and for wrong parameters. With `without_meshes`, those whose
-    file is not there are left out.
+    With `shown`, what displays show, it is one to be drawn: it has cameras, light and pictures as well. Raises
+    InnerModelError for a mesh or a camera that cannot be used, and for wrong parameters. With `without_meshes`, those
+    whose file is not there are left out.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = tick
@@ -149,6 +165,8 @@ def build(tree: Tree, tick: float, *, without_meshes: bool = False, parameters: 
     spec.compiler.autolimits = False
     spec.compiler.degree = False
     building = _Building(tree, spec, checked(tree, parameters or {}), without_meshes=without_meshes)
+    if shown is not None:
+        building.looks = Looks(tree, spec, shown)
     world = spec.worldbody
     building.frames[ROOT_ID] = ("world", np.eye(4))
     for child in tree.node(ROOT_ID).children:
@@ -179,6 +197,8 @@ def _place(building: _Building, name: str, body: mujoco.MjsBody, within: Array) 
         _add_box(building, node, body, within)
     elif node.tag == "mesh":
         _add_mesh(building, node, body, within)
+    elif building.looks and name in building.looks.lenses:
+        building.looks.add_camera(body, node, _PREFIX + name, within)
     for child in node.children:
         _place(building, child, body, within)
 
@@ -237,7 +257,7 @@ def _add_box(building: _Building, node: Node, body: mujoco.MjsBody, within: Arra
     width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
     position, turn = _in_simulation(within)
     half = np.maximum((depth, width, height), 1e-6)
-    _add_shape(
+    shape = _add_shape(
         building,
         node,
         body,
@@ -245,8 +265,10 @@ def _add_box(building: _Building, node: Node, body: mujoco.MjsBody, within: Arra
         size=half,
         pos=position,
         quat=_quaternion(turn),
-        rgba=_colour(node),
+        rgba=colour_of(str(node.values["texture"])) or GREY,
     )
+    if building.looks:
+        building.looks.dress(shape, node)
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
 
@@ -273,7 +295,7 @@ def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Arr
     building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
 
 
-def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: Any) -> None:
+def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: Any) -> mujoco.MjsGeom:
     made |= {"name": _PREFIX + node.id}
     friction = _nearest(building, node, "friction")
     if friction is not None:
@@ -281,6 +303,7 @@ def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: An
     shape = body.add_geom(**made)
     if body.name == "world":
         building.fixed[_PREFIX + node.id] = shape, made
+    return shape
 
 
 def _nearest(building: _Building, node: Node, key: str) -> float | None:
@@ -320,7 +343,7 @@ def _compiled(building: _Building) -> Scene:
     tree, model = building.tree, _model(building.spec)
     start = _start(building, model)
     driving = {_PREFIX + name for name in building.bases}
-    if part(building.spec, model, start, building.trees, building.fixed, driving):
+    if not building.looks and part(building.spec, model, start, building.trees, building.fixed, driving):
         model = _model(building.spec)
     frames = {}
     for name, (body, pose) in building.frames.items():
@@ -332,7 +355,10 @@ def _compiled(building: _Building) -> Scene:
     servos.tune(model, start, forces)
     shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(model.ngeom))
     stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
-    return Scene(model, frames, bases, joints, start, shapes, stops)
+    looks = building.looks
+    eyes = {name: model.camera(_PREFIX + name).id for name in looks.lenses} if looks else {}
+    displays = {name: model.texture(picture).id for name, picture in looks.displays.items()} if looks else {}
+    return Scene(model, frames, bases, joints, start, shapes, stops, tree, eyes, displays)
 
 
 def _model(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -405,12 +431,3 @@ def _number(value: Value) -> float:
 
 def _numbers(value: Value) -> tuple[float, ...]:
     return value if isinstance(value, tuple) else (_number(value),)
-
-
-def _colour(node: Node) -> tuple[float, float, float, float]:
-    """The colour of a plane whose texture is one, and grey."""
-    text = str(node.values["texture"])
-    if re.fullmatch("#[0-9A-Fa-f]{6}", text):
-        red, green, blue = bytes.fromhex(text[1:])
-        return red / 255, green / 255, blue / 255, 1.0
-    return 0.5, 0.5, 0.5, 1.0

@@ -22,6 +22,7 @@ import numpy as np
 from ..errors import RobocompError
 from ..innermodel import axes
 from ..innermodel.axes import Array
+from ..innermodel.camera import Lens
 from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
@@ -30,8 +31,10 @@ from .build import build
 from .devices.laser import Laser
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
+from .looks import MOST_SHOWN, Pixels, cameras, lens_of
 from .noise import normal
 from .parameters import BASES, JOINTS, Parameters
+from .render import View
 from .servos import lag
 
 TICK = 0.005
@@ -96,9 +99,12 @@ class World:
         self._movable = [
             each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
         ]
+        self._lenses = {name: lens_of(self._tree.node(name)) for name in cameras(self._tree)}
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
         self._physics = physics
+        self._displays = dict.fromkeys(name for name in self._tree.ids if self._tree.node(name).tag == "display")
+        self._shown: dict[str, Pixels] = {}
         self._drives: dict[str, Drive] = {}
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
@@ -115,6 +121,10 @@ class World:
         self._ticks = 0
         self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         self._noise = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
+        for name in self._lenses:
+            noise = float(str(self._tree.node(name).values.get("noise", 0.0)))
+            self._noise |= {name: noise} if noise else {}
+        self._shown = {}
         self._drives = {}
         for name in self._scene.bases:
             self._drives[name] = Drive(Speed(), None, self._pose(name), self._pose(name))
@@ -127,7 +137,7 @@ class World:
         made._data = mujoco.MjData(self._scene.model)
         mujoco.mj_copyData(made._data, self._scene.model, self._data)
         made._drives = {name: replace(drive) for name, drive in self._drives.items()}
-        made._motors, made._noise = dict(self._motors), dict(self._noise)
+        made._motors, made._noise, made._shown = dict(self._motors), dict(self._noise), dict(self._shown)
         return made
 
     @property
@@ -176,6 +186,15 @@ class World:
         """The nodes that can move within their parents: bases, joints, and bodies that move freely."""
         return list(self._movable)
 
+    @property
+    def cameras(self) -> list[str]:
+        """The nodes `rgbd` and `camera`; see `view`."""
+        return list(self._lenses)
+
+    @property
+    def displays(self) -> list[str]:
+        return list(self._displays)
+
     def digest(self) -> str:
         """A hash of the whole state: worlds with the same one go on alike, if they are told the same."""
         made = hashlib.sha256(struct.pack("<qq?", self._ticks, self._seed, self._physics))
@@ -187,6 +206,8 @@ class World:
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
         for values in (self._motors, self._noise):
             made.update(repr(sorted(values.items())).encode())
+        for name, pixels in sorted(self._shown.items()):
+            made.update(f"{name}{pixels.shape}".encode() + pixels.tobytes())
         return made.hexdigest()
 
     # What robots are told.
@@ -252,12 +273,30 @@ class World:
         self._drive(base).corrected = Pose(*_near("pose", x, z, turn))
 
     def set_noise(self, node: str, deviation: float) -> None:
-        """Set the standard deviation of what disturbs a node: of a laser, mm; of a base, a factor of its speed."""
-        _known("laser or base", node, {**self._scene.bases, **self._lasers})
+        """Set the standard deviation of what disturbs a node: of a laser, mm; of a base, a factor of its speed; of an
+        rgbd, a factor of its depths.
+        """
+        _known("laser, base or rgbd", node, {**self._scene.bases, **self._lasers, **self._lenses})
         (deviation,) = _finite("standard deviation", deviation)
         if deviation < 0.0:
             raise ValueError(f"a standard deviation of {deviation}")
         self._noise[node] = deviation
+
+    def show(self, display: str, pixels: Pixels | None) -> None:
+        """Let a display show a picture: red, green and blue, rows from the top, shape (height, width, 3); None: its
+        colour. It is seen from now on, by every camera.
+
+        Raises InnerModelError if there is no such display, and ValueError for what is no picture.
+        """
+        _known("display", display, self._displays)
+        if pixels is None:
+            self._shown.pop(display, None)
+        elif pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3 or not pixels.size:
+            raise ValueError(f"{pixels.dtype} of shape {pixels.shape}: a picture has uint8 of (height, width, 3)")
+        elif max(pixels.shape) > MOST_SHOWN:
+            raise ValueError(f"a display shows at most {MOST_SHOWN} rows and columns, not {pixels.shape[:2]}")
+        else:
+            self._shown[display] = pixels.copy()
 
     # How things are.
 
@@ -305,6 +344,15 @@ class World:
     def angles(self, laser: str) -> Array:
         """Of a laser's rays, rad to the right, shape (measures,)."""
         return _known("laser", laser, self._lasers).angles
+
+    def lens(self, camera: str) -> Lens:
+        """The size of a camera's pictures, and its focal length; pixels."""
+        return _known("camera", camera, self._lenses)
+
+    def view(self) -> View:
+        """All that cameras see of the world as it is now. `Renderer.picture` draws it, in any thread."""
+        noise = {name: self._noise[name] for name in self._lenses if name in self._noise}
+        return View(self._scene, self._data.qpos.copy(), self._seed, self._ticks, noise, dict(self._shown))
 
     # How it goes on.
 

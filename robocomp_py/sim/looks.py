@@ -1,0 +1,219 @@
+"""What a scene looks like: the colours and pictures of its shapes, its light, and where its cameras are.
+
+Only a renderer needs that, so it has a model of its own, which `build` makes from the same tree. Both have the same
+bodies and joints, and therefore the same vector of positions.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..innermodel import axes
+from ..innermodel.axes import Array
+from ..innermodel.camera import Lens
+from ..innermodel.read import InnerModelError
+from ..innermodel.tree import Node, Tree
+
+log = logging.getLogger("robocomp.sim")
+
+CAMERAS = ("rgbd", "camera")
+"""The tags of nodes that take pictures."""
+
+Pixels = NDArray[np.uint8]
+"""Red, green and blue, rows from the top, shape (height, width, 3)."""
+
+GREY = (0.5, 0.5, 0.5, 1.0)
+NEAREST = 0.01
+"""What is nearer to a camera is not drawn, m."""
+FARTHEST = 1000.0
+"""What is farther from a camera is not drawn, m."""
+
+_MOST_PIXELS = 4096
+"""Of a row or a column of what a camera takes."""
+MOST_SHOWN = 2048
+"""Of a row or a column of what is on a plane. Larger files are made smaller."""
+
+# The six sides of a box: what is ahead of the one who looks at it, and what is up there.
+_SIDES = tuple(
+    (np.array(ahead, dtype=float), np.array(up, dtype=float))
+    for ahead, up in (
+        ((0, 0, 1), (0, 1, 0)),
+        ((0, 0, -1), (0, 1, 0)),
+        ((1, 0, 0), (0, 1, 0)),
+        ((-1, 0, 0), (0, 1, 0)),
+        ((0, 1, 0), (0, 0, -1)),
+        ((0, -1, 0), (0, 0, 1)),
+    )
+)
+
+
+@dataclass(slots=True)
+class Looks:
+    """What is added to a model that is drawn."""
+
+    tree: Tree
+    spec: mujoco.MjSpec
+    shown: Mapping[str, Pixels]
+    """What displays show, by their ids. The others show their colour."""
+    lenses: dict[str, Lens] = field(init=False)
+    """Of its cameras."""
+    textures: dict[Path | str, str] = field(default_factory=dict)
+    """The names of materials, by the file of the picture or the id of the display."""
+    boxes: dict[tuple[float, ...], str] = field(default_factory=dict)
+    """The names of meshes of boxes with places on a picture, by their half extents."""
+
+    def __post_init__(self) -> None:
+        spec = self.spec
+        spec.stat.extent = 1.0  # distances below are in m then
+        spec.visual.map.znear, spec.visual.map.zfar = NEAREST, FARTHEST
+        spec.visual.quality.offsamples = 0  # a sample is not at the centre of its pixel: depths would differ
+        light = spec.visual.headlight
+        light.ambient, light.diffuse, light.specular = [0.5] * 3, [0.3] * 3, [0.0] * 3
+        spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            dir=axes.TO_SIMULATION @ (0.3, -1.0, 0.5),
+            diffuse=[0.2] * 3,
+            specular=[0.0] * 3,
+            castshadow=False,
+        )
+        self.lenses = {name: lens_of(self.tree.node(name)) for name in cameras(self.tree)}
+        spec.visual.global_.offwidth = max((round(each.width) for each in self.lenses.values()), default=1)
+        spec.visual.global_.offheight = max((round(each.height) for each in self.lenses.values()), default=1)
+
+    @property
+    def displays(self) -> dict[str, str]:
+        """The names of the textures of displays, by their ids."""
+        return {key: name for key, name in self.textures.items() if isinstance(key, str)}
+
+    def add_camera(self, body: mujoco.MjsBody, node: Node, name: str, within: Array) -> None:
+        """`within` is the pose in `body`, in mm and our axes."""
+        lens = self.lenses[node.id]
+        backwards = np.diag((1.0, 1.0, -1.0))  # cameras of MuJoCo look along -z
+        turn = np.empty(4)
+        mujoco.mju_mat2Quat(turn, (axes.TO_SIMULATION @ within[:3, :3] @ backwards).ravel())
+        body.add_camera(
+            name=name,
+            pos=axes.position_to_simulation(within[:3, 3]),
+            quat=turn,
+            fovy=float(np.degrees(2 * np.arctan2(lens.height / 2, lens.focal))),
+        )
+
+    def dress(self, shape: mujoco.MjsGeom, node: Node) -> None:
+        """Give the box of a plane or a display its picture, which each side shows upright. `shape` has its size."""
+        material = self._material(node)
+        if material:
+            half = tuple(float(each) for each in shape.size)
+            if half not in self.boxes:
+                self.boxes[half] = self._box(half)
+            shape.type, shape.meshname, shape.material = mujoco.mjtGeom.mjGEOM_MESH, self.boxes[half], material
+            shape.rgba = (1.0, 1.0, 1.0, 1.0)
+
+    def _material(self, node: Node) -> str:
+        """The name of the material of a plane; "" for one that has a colour."""
+        text = str(node.values["texture"])
+        if node.tag == "display":
+            key: Path | str = node.id
+        elif not text or colour_of(text):
+            return ""
+        else:
+            found = self.tree.file(node.id, "texture")
+            if found is None:
+                log.warning("`%s` is grey: there is no file `%s`", node.id, text)
+                return ""
+            key = found
+        if key not in self.textures:
+            pixels = self.shown.get(node.id, _blank(text)) if isinstance(key, str) else picture_of(key)
+            if pixels is None:
+                return ""
+            self.textures[key] = self._texture(pixels)
+        return self.textures[key]
+
+    def _texture(self, pixels: Pixels) -> str:
+        name = f"picture{len(self.textures)}"
+        height, width, _ = pixels.shape
+        made = self.spec.add_texture(
+            name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
+        )
+        made.data = pixels.tobytes()
+        material = self.spec.add_material(name=name)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+        return name
+
+    def _box(self, half: tuple[float, ...]) -> str:
+        """The mesh of a box with these half extents in simulation: every side has a whole picture."""
+        depth, width, height = half
+        extents = np.array((width, height, depth))
+        points: list[Array] = []
+        places: list[tuple[float, float]] = []
+        faces: list[tuple[int, int, int]] = []
+        for ahead, up in _SIDES:
+            right = np.cross(up, ahead)
+            corners = [(-1, 1), (1, 1), (1, -1), (-1, -1)]  # from the upper left one, clockwise
+            begin = len(points)
+            points += [(right * x + up * y - ahead) * extents for x, y in corners]
+            places += [((x + 1) / 2, (1 - y) / 2) for x, y in corners]
+            faces += [(begin, begin + 3, begin + 2), (begin, begin + 2, begin + 1)]
+        name = f"box{len(self.boxes)}"
+        made = self.spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        made.uservert = (np.array(points) @ axes.TO_SIMULATION.T).ravel()
+        made.usertexcoord = np.array(places).ravel()
+        made.userface = made.userfacetexcoord = np.array(faces).ravel()
+        return name
+
+
+def cameras(tree: Tree) -> list[str]:
+    """The nodes that take pictures: those that have a width."""
+    return [name for name in tree.ids if tree.node(name).tag in CAMERAS and tree.node(name).values["width"] != 0]
+
+
+def lens_of(node: Node) -> Lens:
+    """Raises InnerModelError for a camera that cannot take a picture."""
+    width, height, focal = (float(str(node.values[each])) for each in ("width", "height", "focal"))
+    if not (1 <= width <= _MOST_PIXELS and 1 <= height <= _MOST_PIXELS and focal > 0):
+        raise InnerModelError(
+            f"`{node.id}`: a camera needs `width` and `height` from 1 to {_MOST_PIXELS}, and `focal` above 0; "
+            f"it has {width:g}, {height:g} and {focal:g}"
+        )
+    return Lens(width, height, focal)
+
+
+def colour_of(text: str) -> tuple[float, float, float, float] | None:
+    """The colour that a texture names as `#rrggbb`; None if it names a file."""
+    if re.fullmatch("#[0-9A-Fa-f]{6}", text):
+        red, green, blue = bytes.fromhex(text[1:])
+        return red / 255, green / 255, blue / 255, 1.0
+    return None
+
+
+def picture_of(path: Path) -> Pixels | None:
+    """The picture of a file. None, with a warning, if it cannot be read."""
+    try:
+        from PIL import Image
+    except ImportError as exc:
+        log.warning("%s is not drawn: pictures need `pip install 'robocomp-py[sim]'` (%s)", path, exc)
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(path) as opened:
+                opened.draft("RGB", (MOST_SHOWN, MOST_SHOWN))
+                opened.thumbnail((MOST_SHOWN, MOST_SHOWN))
+                return np.asarray(opened.convert("RGB"))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as exc:
+        log.warning("%s is not drawn: it is no picture that can be read: %s", path, exc)
+        return None
+
+
+def _blank(texture: str) -> Pixels:
+    """What a display shows before it is sent a picture: its colour."""
+    colour = colour_of(texture) or GREY
+    return np.full((1, 1, 3), [round(each * 255) for each in colour[:3]], dtype=np.uint8)
