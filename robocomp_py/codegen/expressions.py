@@ -55,7 +55,7 @@ def expanded(kind: t.Sequence | t.Dictionary, here: str) -> str:
         case t.Sequence(records=True):
             return "NDArray[np.void]"
         case t.Sequence(item):
-            return f"NDArray[{_dtype(kind)}]" if is_array(kind) else f"list[{hint(item, here)}]"
+            return f"NDArray[{_dtype(item)}]" if is_array(kind) else f"list[{hint(item, here)}]"
         case t.Dictionary(key, value):
             return f"dict[{hint(key, here)}, {hint(value, here)}]"
 
@@ -80,12 +80,12 @@ def returns(operation: Operation[Any], here: str) -> str:
 
 
 def is_array(kind: t.Type) -> bool:
-    return isinstance(kind, t.Sequence) and kind.dtype is not None
+    return isinstance(kind, t.Sequence) and kind.is_array
 
 
-def _dtype(kind: t.Sequence) -> str:
-    assert kind.dtype is not None
-    return f"np.{kind.dtype.name.replace('bool', 'bool_')}"
+def _dtype(item: t.Type) -> str:
+    assert isinstance(item, t.Primitive)
+    return f"np.{item.value.replace('bool', 'bool_')}"
 
 
 # Values.
@@ -102,8 +102,8 @@ def zero(kind: t.Type, here: str, default: Any = None) -> str:
             return f"{reference(name, here)}()"
         case t.Sequence(item, records=True):
             return f"np.empty(0, dtype_of({hint(item, here)}))"
-        case t.Sequence():
-            return f"np.empty(0, {_dtype(kind)})" if is_array(kind) else "[]"
+        case t.Sequence(item):
+            return f"np.empty(0, {_dtype(item)})" if is_array(kind) else "[]"
         case t.Dictionary():
             return "{}"
 

@@ -3,6 +3,8 @@
 A type is a value: equal definitions are equal types. `Struct`, `Enumeration` and `ExceptionType`
 may carry the Python class that stands for them in one generated module; a struct without one is
 a message, whose Python form is the tuple of its fields.
+
+numpy is imported only for what has its types: tools that read models do without it.
 """
 
 from __future__ import annotations
@@ -12,10 +14,11 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property, lru_cache
-from typing import Any, Self
+from functools import cache, cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 MAX_DEPTH = 32
 """Types nested deeper than this are refused by the languages and by every codec."""
@@ -65,13 +68,16 @@ FLOAT32, FLOAT64 = Primitive.FLOAT32, Primitive.FLOAT64
 
 INTEGERS = frozenset(kind for kind in Primitive if kind.python is int and kind.in_arrays)
 FLOATS = frozenset(kind for kind in Primitive if kind.python is float)
-FLOAT32_MAX = float(np.finfo(np.float32).max)
+FLOAT32_MAX = (2 - 2**-23) * 2.0**127
 
-DTYPES: dict[Primitive, np.dtype[Any]] = {
-    kind: np.dtype(np.dtype(kind.letter).newbyteorder("<").str) for kind in Primitive if kind.in_arrays
-}
-"""The little-endian numpy dtype of each primitive whose sequences are arrays. On a little-endian host it is the same
-object as in numpy's own arrays, so most arrays that fit are found by `is`."""
+
+@cache
+def dtypes() -> dict[Primitive, np.dtype[Any]]:
+    """The little-endian numpy dtype of each primitive whose sequences are arrays. On a little-endian host, it is the
+    same object as in numpy's own arrays, so most arrays that fit are found by `is`."""
+    import numpy as np
+
+    return {kind: np.dtype(np.dtype(kind.letter).newbyteorder("<").str) for kind in Primitive if kind.in_arrays}
 
 
 def integer_range(kind: Primitive) -> tuple[int, int]:
@@ -108,13 +114,21 @@ class Struct:
     doc: str = field(default="", compare=False, repr=False)
 
     @cached_property
+    def is_flat(self) -> bool:
+        """Whether it has fields, and all of them are numbers, bools or enumerators."""
+        return bool(self.fields) and all(_element(each.type) for each in self.fields)
+
+    @cached_property
     def dtype(self) -> np.dtype[np.void] | None:
         """The packed little-endian numpy dtype of its records, with the names of its attributes; None if not flat.
 
-        A flat struct has fields, and all of them are numbers, bools or enumerators. Enumerators are int32.
+        Enumerators are int32.
         """
-        parts = [(each.attribute, kind) for each in self.fields if (kind := _scalar_dtype(each.type)) is not None]
-        return np.dtype(parts) if parts and len(parts) == len(self.fields) else None
+        if not self.is_flat:
+            return None
+        import numpy as np
+
+        return np.dtype([(each.attribute, dtypes()[kind]) for each in self.fields if (kind := _element(each.type))])
 
 
 @dataclass(frozen=True)
@@ -145,15 +159,22 @@ class Sequence:
     records: bool = False
 
     def __post_init__(self) -> None:
-        if self.records and self.dtype is None:
+        if self.records and not self.is_array:
             raise ValueError(f"{spell(self.item)} is not a flat struct, so it has no records")
+
+    @property
+    def is_array(self) -> bool:
+        """False where the sequence is a Python list."""
+        if self.records:
+            return isinstance(self.item, Struct) and self.item.is_flat
+        return isinstance(self.item, Primitive) and self.item.in_arrays
 
     @property
     def dtype(self) -> np.dtype[Any] | None:
         """The array's dtype, or None where the sequence is a Python list."""
         if self.records:
             return self.item.dtype if isinstance(self.item, Struct) else None
-        return DTYPES.get(self.item) if isinstance(self.item, Primitive) else None
+        return dtypes().get(self.item) if isinstance(self.item, Primitive) else None
 
 
 @dataclass(frozen=True)
@@ -214,10 +235,11 @@ def is_key(kind: Type) -> bool:
     return isinstance(kind, Enumeration) or kind in KEY_TYPES
 
 
-def _scalar_dtype(kind: Type) -> np.dtype[Any] | None:
+def _element(kind: Type) -> Primitive | None:
+    """What a number, bool or enumerator is in an array; None for other types."""
     if isinstance(kind, Enumeration):
-        return DTYPES[INT32]
-    return DTYPES.get(kind) if isinstance(kind, Primitive) else None
+        return INT32
+    return kind if isinstance(kind, Primitive) and kind.in_arrays else None
 
 
 def python_name(name: str) -> str:
@@ -238,14 +260,14 @@ def children(kind: Type) -> tuple[Type, ...]:
             return ()
 
 
-def arrays(fields: Iterable[Field]) -> Iterator[tuple[tuple[Field, ...], np.dtype[Any]]]:
-    """The arrays among these fields and in structs below them: the fields that lead to each, and its type."""
+def arrays(fields: Iterable[Field]) -> Iterator[tuple[tuple[Field, ...], Primitive]]:
+    """The arrays among these fields and in structs below them: the fields that lead to each, and what it holds."""
     for each in fields:
         match each.type:
             case Struct(fields=inner):
-                yield from (((each, *path), dtype) for path, dtype in arrays(inner))
-            case Sequence(item) if item in DTYPES:
-                yield (each,), DTYPES[item]
+                yield from (((each, *path), item) for path, item in arrays(inner))
+            case Sequence(Primitive() as item) if item.in_arrays:
+                yield (each,), item
             case Primitive() | Enumeration() | Sequence() | Dictionary():
                 continue
 

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..contract.types import Struct, arrays
+from ..contract.types import Struct, arrays, dtypes
 from ..errors import EncodeError, TransportError
 from ..transports.base import Loan, Outlet, SupportsLoan
 from ..wire.codec import Encoder, check_size
@@ -43,7 +43,7 @@ class Loans:
         self._inputs = [field.attribute for field in inputs]
         found = list(arrays(inputs))
         self._places = [[field.attribute for field in path[self._is_struct :]] for path, _ in found]
-        self._dtypes = [dtype for _, dtype in found]
+        self._dtypes = [dtypes()[item] for _, item in found]
         self._borrow = outlet.loan if isinstance(outlet, SupportsLoan) else None
         in_pieces: Callable[[Struct], Encoder] | None = getattr(call.codec, "pieces", None)
         self._pieces = in_pieces(call.operation.request) if in_pieces and self._borrow else None

@@ -15,7 +15,6 @@ from typing import Any, Protocol
 
 from ..contract.types import Struct
 from ..errors import DecodeError, EncodeError
-from .explain import explain
 from .items import TooManyItems
 
 Payload = Any
@@ -60,6 +59,8 @@ def refused(message: Struct, values: Any, exc: Exception) -> EncodeError:
     """An error that names the wrong field; found by checking all fields again, slowly."""
     if isinstance(exc, TooManyItems):
         return EncodeError(f"{message.name}: {exc}")
+    from .explain import explain  # it needs numpy, which tools do without
+
     return EncodeError(explain(message, values) or f"{message.name}: {exc}")
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from ..contract.types import DTYPES, Struct
+from ..contract.types import Struct, dtypes
 from .codec import Decoder, Encoder, unreadable
 from .packing import MAX_TREE as MAX_TREE
 from .packing import PackArray, ReadArray, check_tree, compile_writer
@@ -36,7 +36,7 @@ APART = 64 * 1024
 """Arrays of at least this number of bytes travel in their own buffer."""
 
 INLINE_EXT, APART_EXT = 1, 2
-_LETTERS = {dtype: kind.letter for kind, dtype in DTYPES.items()}
+_LETTERS = {dtype: kind.letter for kind, dtype in dtypes().items()}
 _DTYPES = {ord(letter): dtype for dtype, letter in _LETTERS.items()}
 _REFERENCE = struct.Struct("<BI")
 _INDEX = struct.Struct("<I")

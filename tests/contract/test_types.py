@@ -7,7 +7,6 @@ import pytest
 
 from robocomp_py.contract.types import (
     BOOL,
-    DTYPES,
     FLOAT32,
     FLOAT32_MAX,
     FLOAT64,
@@ -28,6 +27,7 @@ from robocomp_py.contract.types import (
     Struct,
     Type,
     children,
+    dtypes,
     integer_range,
     is_key,
     python_name,
@@ -63,7 +63,7 @@ def test_sequences_of_numbers_and_bools_are_arrays_little_endian() -> None:
     for kind in Primitive:
         dtype = Sequence(kind).dtype
         assert dtype == (np.dtype(kind.value).newbyteorder("<") if kind not in (STRING, TIME) else None)
-    assert set(DTYPES) == INTEGERS | FLOATS | {BOOL}
+    assert set(dtypes()) == INTEGERS | FLOATS | {BOOL}
 
 
 @pytest.mark.parametrize("item", [STRING, TIME, COLOUR, POINT, Sequence(INT8), Dictionary(STRING, INT8)])

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 
 from robocomp_py.contract.types import (
     BOOL,
-    DTYPES,
     FLOAT32,
     FLOAT64,
     INT32,
@@ -33,6 +32,7 @@ from robocomp_py.contract.types import (
     Sequence,
     Struct,
     Type,
+    dtypes,
 )
 from robocomp_py.errors import CodecError, DecodeError, EncodeError
 from robocomp_py.testing import everything as e
@@ -295,11 +295,11 @@ def test_receivers_of_one_payload_share_nothing_they_can_change(codec: Codec) ->
 
 
 @every_codec
-@pytest.mark.parametrize("kind", DTYPES)
+@pytest.mark.parametrize("kind", dtypes())
 @pytest.mark.parametrize("size", [0, SMALL, LARGE * 8])
 def test_received_arrays_are_read_only(codec: Codec, kind: Primitive, size: int) -> None:
-    received = there_and_back(codec, Sequence(kind), np.zeros(size, DTYPES[kind]))
-    assert received.dtype == DTYPES[kind]
+    received = there_and_back(codec, Sequence(kind), np.zeros(size, dtypes()[kind]))
+    assert received.dtype == dtypes()[kind]
     assert not received.flags.writeable
     if size:
         with pytest.raises(ValueError, match="WRITEABLE"):

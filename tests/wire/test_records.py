@@ -16,7 +16,6 @@ from robocomp_py.classic.workers.slices import received
 from robocomp_py.contract.interface import Operation, differences
 from robocomp_py.contract.types import (
     BOOL,
-    DTYPES,
     FLOAT32,
     FLOAT64,
     INT32,
@@ -32,6 +31,7 @@ from robocomp_py.contract.types import (
     Sequence,
     Struct,
     Type,
+    dtypes,
     spell,
 )
 from robocomp_py.errors import DecodeError, EncodeError
@@ -276,7 +276,7 @@ def flat_struct(*kinds: Type) -> Struct:
 @st.composite
 def flat_messages(draw: st.DrawFn) -> tuple[Struct, Struct, tuple[Any, ...]]:
     """A message with records, the same with a list, and values for it; the records begin anywhere."""
-    kinds = draw(st.lists(st.sampled_from([*DTYPES, KIND, FAR]), min_size=1, max_size=6))
+    kinds = draw(st.lists(st.sampled_from([*dtypes(), KIND, FAR]), min_size=1, max_size=6))
     flat = flat_struct(*kinds)
     count = draw(st.integers(0, 5))
     assert flat.python
@@ -294,7 +294,7 @@ def flat_messages(draw: st.DrawFn) -> tuple[Struct, Struct, tuple[Any, ...]]:
 def number(kind: Type) -> st.SearchStrategy[Any]:
     if isinstance(kind, Enumeration):
         return st.sampled_from([kind.python(value) if kind.python else value for _, value in kind.members])
-    dtype = DTYPES[kind]  # type: ignore[index]  # a number, or a bool
+    dtype = dtypes()[kind]  # type: ignore[index]  # a number, or a bool
     match dtype.kind:
         case "b":
             return st.booleans()

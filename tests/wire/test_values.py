@@ -14,7 +14,6 @@ import pytest
 
 from robocomp_py.contract.types import (
     BOOL,
-    DTYPES,
     FLOAT32,
     FLOAT64,
     INT8,
@@ -32,6 +31,7 @@ from robocomp_py.contract.types import (
     Sequence,
     Struct,
     Type,
+    dtypes,
     spell,
 )
 from robocomp_py.errors import EncodeError
@@ -57,7 +57,7 @@ KINDS: list[Type] = [
     POINT,
     NOTHING,
     PAIR,
-    *map(Sequence, DTYPES),
+    *map(Sequence, dtypes()),
     *map(Sequence, (STRING, TIME, POINT, COLOUR, NOTHING, PAIR, Sequence(INT32))),
     Dictionary(STRING, INT32),
     Dictionary(INT8, STRING),
@@ -75,7 +75,7 @@ def _places(kind: Type) -> Iterator[tuple[Type, Callable[[Any], Any]]]:
     yield beside, lambda value: _BESIDE(value, 0.5)
     yield Sequence(beside), lambda value: [_BESIDE(value, 0.5)]
     yield Dictionary(STRING, kind), lambda value: {"key": value}
-    if not (isinstance(kind, Primitive) and kind in DTYPES):
+    if not (isinstance(kind, Primitive) and kind in dtypes()):
         yield Sequence(kind), lambda value: [value]
 
 
@@ -192,7 +192,7 @@ ARRAYS: list[tuple[Primitive, Any, list[Any]]] = [
 @every_codec
 @pytest.mark.parametrize(("item", "given", "arrives"), ARRAYS)
 def test_numbers_and_bools_arrive_as_an_array(codec: Codec, item: Primitive, given: Any, arrives: list[Any]) -> None:
-    assert_same(there_and_back(codec, Sequence(item), given), np.array(arrives, DTYPES[item]))
+    assert_same(there_and_back(codec, Sequence(item), given), np.array(arrives, dtypes()[item]))
 
 
 REFUSED: list[tuple[Type, Any, str]] = [
@@ -252,11 +252,11 @@ def test_what_does_not_fit_is_refused_in_words(codec: Codec, kind: Type, given: 
     assert str(refused.value) == f"Test::Message: {complaint}"
 
 
-@pytest.mark.parametrize("item", DTYPES)
+@pytest.mark.parametrize("item", dtypes())
 def test_an_array_of_numpys_own_is_taken_as_it_is(item: Primitive) -> None:
     array = np.zeros(3, item.value)
-    assert as_array(array, DTYPES[item]) is array
-    assert (array.dtype is DTYPES[item]) == (sys.byteorder == "little"), "it takes longer to see that it fits"
+    assert as_array(array, dtypes()[item]) is array
+    assert (array.dtype is dtypes()[item]) == (sys.byteorder == "little"), "it takes longer to see that it fits"
 
 
 @every_codec
