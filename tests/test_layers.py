@@ -22,11 +22,13 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.errors": {"numpy", "robocomp_py.contract"},
     "robocomp_py.spelling": {"numpy", "robocomp_py.contract"},
     "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract"},
-    "robocomp_py.contract.module": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
+    "robocomp_py.contract.module": BUILD
+    | MIDDLEWARES
+    | {"numpy", "robocomp_py.wire", "robocomp_py.transports", "msgpack"},
     "robocomp_py.wire.cdr": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.wire.ice": BUILD | MIDDLEWARES | {"Ice", "robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},
-    "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.zeromq.transport": BUILD | (MIDDLEWARES - {"zmq"}) | {"robocomp_py.runtime"},
     "robocomp_py.transports.dds.transport": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
@@ -93,8 +95,10 @@ FORBIDDEN: dict[str, set[str]] = {
         "robocomp_py.usercode",
     },
     "robocomp_py.usercode.check": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.runtime"},
-    "robocomp_py.dsl.workspace": MIDDLEWARES | {"jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
-    "robocomp_py.codegen.generate": MIDDLEWARES | {"lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.dsl.workspace": MIDDLEWARES
+    | {"numpy", "jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.codegen.generate": MIDDLEWARES
+    | {"numpy", "lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.lsp.rename": MIDDLEWARES
     | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.lsp.fixes": MIDDLEWARES
@@ -107,7 +111,8 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.deploy.launcher.keeper": MIDDLEWARES | {"asyncio", "lark", "numpy", "robocomp_py.contract"},
     "robocomp_py.deploy.launcher.forkserver": MIDDLEWARES | {"asyncio", "lark", "rich", "robocomp_py.deploy.plan"},
     "robocomp_py.deploy.policy": {"subprocess", "asyncio", "lark", "numpy", "robocomp_py.dsl"},
-    "robocomp_py.deploy.planner": MIDDLEWARES | {"subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
+    "robocomp_py.deploy.planner": MIDDLEWARES
+    | {"numpy", "asyncio", "subprocess", "jinja2", "robocomp_py.codegen", "msgpack"},
 }
 
 

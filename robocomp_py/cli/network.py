@@ -90,7 +90,7 @@ def tell_notes(plan: Plan) -> None:
         for note in plan.notes:
             print(f"note: {note}", file=sys.stderr, flush=True)
     except OSError:
-        from ..deploy.terminal import discard
+        from ..deploy.streams import discard
 
         discard(sys.stderr)
 

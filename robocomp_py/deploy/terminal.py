@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, TextIO, cast
+from typing import IO, cast
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -31,6 +31,7 @@ from .policy import State
 from .ring import Line, Ring, printed
 from .run import Options, run
 from .snapshot import Network
+from .streams import Output
 from .table import Span, clock_time, summary, table
 from .telling import Display
 
@@ -70,50 +71,6 @@ def run_on_terminal(
         terminal.keep(logs)
     with terminal.showing_warnings():
         return run(plan, options, terminal, [terminal.watching])
-
-
-class Output:
-    """A stream that may fail to be written, as with a full disk or a closed pipe.
-
-    A network must not stop because its output cannot be written: the rest is dropped, with one message.
-    """
-
-    def __init__(self, stream: TextIO, complaints: TextIO) -> None:
-        self._stream, self._complaints = stream, complaints
-        self._works = True
-
-    def write(self, text: str) -> int:
-        if self._works:
-            try:
-                self._stream.write(text)
-            except OSError as exc:
-                self._give_up(exc)
-        return len(text)
-
-    def flush(self) -> None:
-        if self._works:
-            try:
-                self._stream.flush()
-            except OSError as exc:
-                self._give_up(exc)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    def _give_up(self, exc: OSError) -> None:
-        self._works = False
-        discard(self._stream)
-        with contextlib.suppress(OSError):
-            print(
-                f"rcdeploy: output is lost from here on; the network keeps running: {exc.strerror}",
-                file=self._complaints,
-            )
-
-
-def discard(stream: TextIO) -> None:
-    """Point a failed stream to /dev/null, or its buffer fails again when Python ends."""
-    with contextlib.suppress(OSError), open(os.devnull, "wb") as nowhere:
-        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 class Terminal(Display):

@@ -22,7 +22,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from .. import installed, plugins
 from ..contract.component import Component
@@ -36,28 +36,25 @@ from .cdsl.link import link as link_cdsl
 from .cdsl.model import Component as CdslComponent
 from .cdsl.model import Item
 from .cdsl.parser import parse as parse_cdsl
-from .ddsl.check import check as check_ddsl
-from .ddsl.model import Deployment
-from .ddsl.parser import parse as parse_ddsl
 from .diagnostics import Diagnostic, Report, did_you_mean, mistyped
 from .idsl.check import check as check_idsl
 from .idsl.check import qualified
 from .idsl.link import link as link_idsl
 from .idsl.model import File as IdslFile
 from .idsl.parser import parse as parse_idsl
-from .innermodel.check import check as check_innermodel
 from .memory import Memory
 from .pdsl.check import check as check_pdsl
 from .pdsl.link import link as link_pdsl
 from .pdsl.model import File as PdslFile
 from .pdsl.parser import parse as parse_pdsl
-from .smdsl.check import check as check_smdsl
-from .smdsl.link import link as link_smdsl
-from .smdsl.model import File as SmdslFile
-from .smdsl.parser import parse as parse_smdsl
-from .smdsl.scxml import parse as parse_scxml
 from .source import Name, Source
 from .syntax import MAX_CHARACTERS
+
+if TYPE_CHECKING:
+    from .ddsl.model import Deployment
+    from .smdsl.model import File as SmdslFile
+
+    Model = IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile
 
 ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl", ".smdsl")
 """The endings of our languages. A state machine may also be an SCXML file."""
@@ -185,6 +182,8 @@ class Workspace:
             case ".smdsl" | ".scxml":
                 self.statemachine(path)
             case ".xml" if self._exists(path):
+                from .innermodel.check import check as check_innermodel
+
                 check_innermodel(path, self.read, self.report)
             case _ if not self._exists(path):
                 self.source(path)  # reports it
@@ -239,6 +238,9 @@ class Workspace:
         """The model of a DDSL file. `robocomp_py.deploy.planner` checks the resulting network."""
         key = os.path.realpath(path)
         if key not in self._deployments:
+            from .ddsl.check import check as check_ddsl
+            from .ddsl.parser import parse as parse_ddsl
+
             source = self.source(path)
             model = self._parsed(source, parse_ddsl) if source else None
             if model:
@@ -250,18 +252,20 @@ class Workspace:
         """The machine of an SMDSL or SCXML file."""
         key = os.path.realpath(path)
         if key not in self._machines:
+            from .smdsl.check import check as check_smdsl
+            from .smdsl.link import link as link_smdsl
+
             source = self.source(path)
-            scxml = path.suffix.lower() == ".scxml"
-            file = self._parsed(source, parse_scxml if scxml else parse_smdsl) if source else None
+            file = self._parsed(source, _machine_parser(path)) if source else None
             if file:
                 check_smdsl(file, self.report)
             self._machines[key] = link_smdsl(file) if file and not self._errors_in(file.source) else None
         return self._machines[key]
 
-    def model(self, path: Path) -> IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile | None:
+    def model(self, path: Path) -> Model | None:
         """The unchecked model of a file of any of the languages; None if it cannot be read at all."""
         source = self.source(path)
-        parse = _PARSERS.get(path.suffix.lower())
+        parse = _parser_of(path)
         if source is None or parse is None:
             return None
         return self._parsed(source, parse)
@@ -533,16 +537,36 @@ class Workspace:
         return any(each.span.source is source for each in self.report.errors)
 
 
-_PARSERS: dict[str, Callable[[Source, Report], IdslFile | CdslComponent | PdslFile | Deployment | SmdslFile | None]] = {
-    ".idsl": parse_idsl,
-    ".cdsl": parse_cdsl,
-    ".pdsl": parse_pdsl,
-    ".ddsl": parse_ddsl,
-    ".smdsl": parse_smdsl,
-    ".scxml": parse_scxml,
-}
-
 _MACHINES = (".smdsl", ".scxml")
+
+
+def _parser_of(path: Path) -> Callable[[Source, Report], Model | None] | None:
+    """What parses a file with this ending."""
+    match path.suffix.lower():
+        case ".idsl":
+            return parse_idsl
+        case ".cdsl":
+            return parse_cdsl
+        case ".pdsl":
+            return parse_pdsl
+        case ".ddsl":
+            from .ddsl.parser import parse
+
+            return parse
+        case ".smdsl" | ".scxml":
+            return _machine_parser(path)
+        case _:
+            return None
+
+
+def _machine_parser(path: Path) -> Callable[[Source, Report], SmdslFile | None]:
+    if path.suffix.lower() == ".scxml":
+        from .smdsl.scxml import parse as parse_scxml
+
+        return parse_scxml
+    from .smdsl.parser import parse
+
+    return parse
 
 
 @contextmanager

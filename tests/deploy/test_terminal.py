@@ -19,7 +19,8 @@ from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.plan import Plan
 from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.process import Process
-from robocomp_py.deploy.terminal import Output, Terminal
+from robocomp_py.deploy.streams import Output
+from robocomp_py.deploy.terminal import Terminal
 from robocomp_py.testing.patience import SOON
 
 from .networks import Standing, process

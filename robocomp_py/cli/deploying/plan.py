@@ -42,7 +42,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ...deploy.terminal import discard
+    from ...deploy.streams import discard
 
     plan = planned(options, as_json=options.json)
     if isinstance(plan, int):

@@ -49,7 +49,7 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
 
 def _show(diagnostics: Iterable[Diagnostic], *, as_json: bool) -> None:
     """Print diagnostics. If they cannot be written, a correct network runs all the same."""
-    from ...deploy.terminal import discard
+    from ...deploy.streams import discard
 
     stream = sys.stdout if as_json else sys.stderr
     try:
