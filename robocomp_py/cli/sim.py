@@ -45,19 +45,26 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
-    from ..sim.serve.offers import offers
+    from ..sim.serve.offers import INTERFACES, left_out, offers
 
     try:
-        found = offers(Tree.read(options.scene))
+        tree = Tree.read(options.scene)
+        found = offers(tree)
     except InnerModelError as exc:
         return complain(f"rc sim: {exc}")
+    missing = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in left_out(tree).items())
     if not found:
-        return complain(f"rc sim: {options.scene} has no device that can be provided: no base, no joint and no laser")
+        kinds = ", ".join((*INTERFACES, "joint"))
+        wrong = f"rc sim: {options.scene} has no device that can be provided: {kinds}"
+        return complain(wrong + (f"; it has {missing}" if missing else ""))
     if options.action == "offers":
         lines = [f"offers {name} : {', '.join(interfaces)};" for name, interfaces in found.items()]
         print(json.dumps(found) if options.json else "\n".join(lines))
         return FINE
-    return _new(options, found)
+    code = _new(options, found)
+    if missing and code == FINE:
+        print(f"not provided yet: {missing}")
+    return code
 
 
 def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:

@@ -76,11 +76,15 @@ class Problem:
 
 
 class InnerModelError(RobocompError, ValueError):
-    """A model, or an edit of one, is wrong. `problems` are those of its files; an edit has none."""
+    """A model, or an edit of one, is wrong. `problems` are those of its files; an edit has none.
 
-    def __init__(self, message: str, problems: Sequence[Problem] = ()) -> None:
+    `node` is the node that is wrong, if a program can find it by that.
+    """
+
+    def __init__(self, message: str, problems: Sequence[Problem] = (), *, node: str = "") -> None:
         super().__init__(message)
         self.problems = tuple(problems)
+        self.node = node
 
 
 @dataclass(slots=True, eq=False)

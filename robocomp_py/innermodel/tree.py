@@ -24,7 +24,7 @@ from . import axes
 from .axes import Array
 from .camera import Lens, back_projected, laser_point, projected
 from .nodes import INCLUDE, ROOT, TAGS, Tag
-from .read import ROOT_ID, Element, InnerModelError, Model, Problem, ReadFile, Value, found_file, read, read_file
+from .read import ROOT_ID, Element, InnerModelError, Model, Place, Problem, ReadFile, Value, found_file, read, read_file
 from .write import Written, written
 
 _MOST_CACHED = 4096
@@ -145,6 +145,12 @@ class Tree:
             node = self._found(name)
             document = node.element.document if node.element else self._model.documents[0] if self._model else None
             return found_file(str(node.values[attribute]), document.path.parent if document else Path(), self._prefixes)
+
+    def place(self, name: str) -> Place | None:
+        """Where the start tag of a node is; None if the node is not in a file."""
+        with self._lock:
+            element = self._found(name).element
+            return element.place if element else None
 
     # Where things are.
 

@@ -632,6 +632,10 @@ class Running:
             if exc.code:
                 self._fail(f"{_name(hook)} called sys.exit({exc.code!r})")
             self.stop()
+        except ConfigurationError as exc:
+            # In `initialize` it is about a setting, or a file that a setting names: the code is not at fault.
+            trace = "" if self.state is State.INITIALIZE else f"{_name(hook)} raised {type(exc).__name__}\n"
+            self._fail(trace + user_trace(exc) if trace else str(exc))
         except Exception as exc:
             self._fail(f"{_name(hook)} raised {type(exc).__name__}\n{user_trace(exc)}")
         finally:

@@ -278,7 +278,9 @@ def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Arr
     if path is None:
         if building.without_meshes:
             return
-        raise InnerModelError(f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave it out")
+        raise InnerModelError(
+            f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave it out", node=node.id
+        )
     if (path, scale) not in building.meshes:
         building.meshes[path, scale] = _made_mesh(building, path, scale)
     mesh, corners = building.meshes[path, scale]

@@ -38,6 +38,15 @@ def scene(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A component that simulates a scene."""
+    folder = tmp_path_factory.mktemp("plain")
+    (folder / "room.xml").write_text(SCENE)
+    assert rc(["sim", "new", str(folder / "room.xml"), "-o", str(folder / "house")]) == 0
+    return folder / "house"
+
+
 @pytest.fixture
 def house(scene: Path) -> Iterator[ComponentTest]:
     assert rc(["sim", "new", str(scene), "-o", str(scene.parent / "house")]) == 0
@@ -180,6 +189,37 @@ def test_offers_are_printed(scene: Path, capsys: pytest.CaptureFixture[str]) -> 
         "chair": ["OmniRobot"],
         "still": ["Laser", "LaserPub"],
     }
+
+
+def test_devices_that_are_not_provided_yet_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(SCENE.replace('<laser id="off"/>', '<laser id="off"/><pointcloud id="cloud"/>'))
+    assert rc(["sim", "new", str(path), "-o", str(tmp_path / "house")]) == 0
+    assert "not provided yet: laser without `measures`: off\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("<innerModel>\n  <lazer id='a'/>\n</innerModel>", "room.xml:2:3: unknown tag <lazer>; did you mean <laser>?"),
+        (None, "room.xml:1:1: the file cannot be read: there is no such file; set the parameter `scene` to the file"),
+        (SCENE.replace('measures="2"', 'measures="2" min="9000"'), "room.xml:5:40: `front`: a laser needs `measures`"),
+        (SCENE.replace('id="front"', 'id="front laser"'), "room.xml:5:40: `front laser`: the id of a device names an"),
+        (SCENE.replace("<laser", "<mesh id='cup' file='cup.obj'/><laser", 1), "room.xml:5:40: `cup`: there is no file"),
+    ],
+)
+def test_a_component_tells_what_is_wrong_with_its_scene(
+    text: str | None, told: str, plain: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    scene = tmp_path / "room.xml"
+    if text is not None:
+        scene.write_text(text)
+    with ComponentTest(load_component(plain), {"params.scene": str(scene)}, virtual=True) as house:
+        pass
+    assert not house.fine
+    [record] = [each for each in caplog.records if each.levelname == "ERROR"]
+    assert told in record.message
+    assert "Traceback" not in caplog.text
 
 
 @pytest.mark.parametrize(

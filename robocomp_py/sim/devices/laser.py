@@ -22,7 +22,8 @@ class Laser:
         if rays < 1 or not 0.0 <= low < high:
             raise InnerModelError(
                 f"`{node.id}`: a laser needs `measures` of 1 or more, and 0 ≤ `min` < `max`; "
-                f"it has {rays:.0f}, {low:g} and {high:g}"
+                f"it has {rays:.0f}, {low:g} and {high:g}",
+                node=node.id,
             )
         self.angles = laser_angles(field, int(rays))
         """Of its rays, shape (measures,), rad to the right, from the right to the left."""

@@ -18,6 +18,8 @@ INTERFACES = {
 MOTORS = ("JointMotor", "JointMotorPub")
 """The interfaces of the joints of one port."""
 
+_DEVICES = ("laser", "rgbd", "camera", "imu", "touchsensor", "display")
+
 CONTROL = ("Simulation", "SimulationPub")
 """The interfaces of the component itself."""
 
@@ -49,10 +51,22 @@ def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
         if node.tag in INTERFACES and node.values.get("measures") != 0:
             if not is_segment(name):
                 raise InnerModelError(
-                    f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`"
+                    f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`", node=name
                 )
             found[name] = INTERFACES[node.tag]
     return found | {name: (*found.get(name, ()), *MOTORS) for name in motors(tree)}
+
+
+def left_out(tree: Tree) -> dict[str, list[str]]:
+    """The devices that no interface provides, by the kind of device: `camera`, or `laser without rays`."""
+    found: dict[str, list[str]] = {}
+    for name in tree.ids:
+        node = tree.node(name)
+        if node.tag == "laser" and node.values["measures"] == 0:
+            found.setdefault("laser without `measures`", []).append(name)
+        elif node.tag in _DEVICES and node.tag not in INTERFACES:
+            found.setdefault(node.tag, []).append(name)
+    return found
 
 
 def used(found: dict[str, tuple[str, ...]]) -> list[str]:

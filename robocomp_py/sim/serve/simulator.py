@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 from ...contract.component import Port
 from ...contract.interface import Interface
 from ...errors import ConfigurationError
+from ...innermodel.read import InnerModelError
 from ...innermodel.tree import Tree
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
 from ..parameters import PARAMETERS
@@ -46,23 +48,26 @@ class Simulator(Controlled):
     """
 
     def initialize(self) -> None:
-        """Read the scene, and add its devices."""
+        """Read the scene, and add its devices. Raises ConfigurationError for a scene that cannot be simulated."""
         path = Path(inspect.getfile(type(self))).parent / self.params.scene
-        self._tree = Tree.read(path)
-        for problem in self._tree.problems:
-            log.warning("%s", problem)
-        self._motors = motors(self._tree)
-        self._go_home()
-        self.world = World(
-            self._tree,
-            seed=self.params.seed,
-            without_meshes=self.params.without_meshes,
-            physics=self.params.physics,
-            parameters=self._parameters(),
-        )
+        tree = Tree()
+        try:
+            tree = Tree.read(Path(os.path.normpath(path)))
+            for problem in tree.problems:
+                log.warning("%s", problem)
+            self._tree, self._motors, found = tree, motors(tree), offers(tree)
+            self._go_home()
+            self.world = World(
+                self._tree,
+                seed=self.params.seed,
+                without_meshes=self.params.without_meshes,
+                physics=self.params.physics,
+                parameters=self._parameters(),
+            )
+        except InnerModelError as exc:
+            raise ConfigurationError(_told(exc, tree)) from exc
         self._pace = Pace(self.world.tick, self.now())
         self._publications: list[Callable[[], None]] = []
-        found = offers(self._tree)
         for port in self.component.named:
             instances = getattr(self, port.attribute)
             for name in names_of(port.interface.short, found):
@@ -138,3 +143,15 @@ class Simulator(Controlled):
 
 def _tell(progress: Progress, proxy: Any) -> None:
     proxy.advanced(*progress.take())
+
+
+def _told(error: InnerModelError, tree: Tree) -> str:
+    """What is wrong with a scene: a line for each problem, with its place and what may be meant."""
+    if problems := [each for each in error.problems if each.is_error]:
+        lines = [f"{each.place}: {each.message}{f'; {each.hint}' if each.hint else ''}" for each in problems]
+        unread = any(each.code == "unreadable" for each in problems)
+        return "\n".join(lines) + (
+            "; set the parameter `scene` to the file, from this component's folder" if unread else ""
+        )
+    place = tree.place(error.node) if error.node else None
+    return f"{place}: {error}" if place else str(error)
