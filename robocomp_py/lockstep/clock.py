@@ -24,8 +24,14 @@ class Followed:
     def __init__(self, is_free: Callable[[], bool]) -> None:
         """`is_free` returns whether nobody moves the clock now: the component is starting, or ending."""
         self._is_free = is_free
+        self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
+        """Waits for an event at most so many seconds, as its `wait`, and may do something useful in the meantime."""
         self._now = 0
-        self._changed = threading.Condition()
+        self._changed = threading.Lock()
+        self._news = threading.Lock()
+        """Released when a thread begins to wait, if one is interested."""
+        self._is_watched = False
+        """Whether a thread waits for news."""
         self._waiting: dict[threading.Event, int] = {}
         """Until when each thread waits, by its event."""
         self._working: weakref.WeakSet[threading.Event] = weakref.WeakSet()
@@ -42,22 +48,25 @@ class Followed:
         with self._changed:
             if wake not in self._ages:
                 self._ages[wake] = len(self._ages)
+            loop = self._loop_of_this_thread(wake)
             if until <= self._now or wake.is_set():
                 self._working.add(wake)
-                self._loop_of_this_thread(wake)
                 return wake.is_set()
-            loop = self._loop_of_this_thread(wake)
             self._working.discard(wake)
-            self._working.discard(loop)
+            if loop is not wake:
+                self._working.discard(loop)
             self._waiting[wake] = until
-            self._changed.notify_all()
+            if self._is_watched:
+                self._is_watched = False
+                self._news.release()
         try:
             self._wait(wake, until)
         finally:
             with self._changed:
                 del self._waiting[wake]
                 self._working.add(wake)
-                self._working.add(loop)
+                if loop is not wake:
+                    self._working.add(loop)
         return wake.is_set()
 
     @contextlib.contextmanager
@@ -85,15 +94,23 @@ class Followed:
 
         One thread at a time: call it again once that one waits again.
         """
-        self.set(to)
         with self._changed:
-            due = [each for each, until in self._waiting.items() if until <= self._now and not each.is_set()]
-            if not due:
-                return False
-            first = min(due, key=lambda each: (self._waiting[each], self._ages[each]))
-            self._working.add(first)
-            first.set()
-            return True
+            return self._advance(to)
+
+    def proceed(self, to: int) -> bool | None:
+        """As `advance`, but None, without waking any, if a thread works."""
+        with self._changed:
+            return self._advance(to) if self._is_still() else None
+
+    def _advance(self, to: int) -> bool:
+        self._now = now = max(self._now, to)
+        due = [each for each, until in self._waiting.items() if until <= now and not each.is_set()]
+        if not due:
+            return False
+        first = due[0] if len(due) == 1 else min(due, key=lambda each: (self._waiting[each], self._ages[each]))
+        self._working.add(first)
+        first.set()
+        return True
 
     @property
     def due(self) -> int:
@@ -105,7 +122,10 @@ class Followed:
     def is_still(self) -> bool:
         """Whether all threads that use this clock wait, for it or for something else."""
         with self._changed:
-            return not self._working and not any(wake.is_set() for wake in self._waiting)
+            return self._is_still()
+
+    def _is_still(self) -> bool:
+        return not self._working and not any(wake.is_set() for wake in self._waiting)
 
     def _loop_of_this_thread(self, wake: threading.Event) -> threading.Event:
         """The event of the loop that this thread runs; `wake` if it runs none."""
@@ -118,7 +138,7 @@ class Followed:
     def _wait(self, wake: threading.Event, until: int) -> None:
         """Wait for the event, or until the time has passed by itself."""
         begun, left = time.monotonic(), (until - self._now) / SECOND
-        while not wake.wait(_SLICE if until == NEVER or not self._is_free() else min(_SLICE, left)):
+        while not self.pause(wake, _SLICE if until == NEVER or not self._is_free() else min(_SLICE, left)):
             if until == NEVER or not self._is_free():
                 begun = time.monotonic()
                 continue
@@ -128,6 +148,8 @@ class Followed:
                 return
 
     def wait_change(self, timeout: float) -> None:
-        """Wait until a thread begins to wait for this clock, at most `timeout` seconds."""
+        """Wait until a thread begins to wait for this clock, at most `timeout` seconds; it may be less."""
         with self._changed:
-            self._changed.wait(timeout)
+            self._news.acquire(blocking=False)  # so that it is released once: it may be since an earlier wait timed out
+            self._is_watched = True
+        self._news.acquire(timeout=timeout)

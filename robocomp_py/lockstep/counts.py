@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
@@ -41,6 +40,8 @@ class Counts:
         self.counters: list[Counter] = []
         self.version = secrets.randbits(30)
         """Increases when a counter is added or dropped. It begins at random: a restarted component has another one."""
+        self.calls = 0
+        """Number of calls of others for whose end this component waits."""
         self._numbers: list[int] = []
         self._lock = threading.Lock()
 
@@ -48,13 +49,6 @@ class Counts:
         """The numbers now, in the order of the counters."""
         with self._lock:
             return tuple(self._numbers)
-
-    @property
-    def calls(self) -> int:
-        """Number of calls of others for whose end this component waits."""
-        with self._lock:
-            pairs = zip(self.counters, self._numbers, strict=True)
-            return sum(number for counter, number in pairs if counter.way is Way.Calls)
 
     def proxy(self, port: Port, proxy: Proxy, routes: Sequence[Route]) -> list[int]:
         """Count what goes through a proxy. Returns the numbers of its counters."""
@@ -80,14 +74,11 @@ class Counts:
         with self._lock:
             self._numbers[number] += by
 
-    @contextmanager
-    def during(self, number: int) -> Iterator[None]:
-        """Count 1 while the block runs."""
-        self.add(number, 1)
-        try:
-            yield
-        finally:
-            self.add(number, -1)
+    def add_call(self, number: int, by: int) -> None:
+        """Count a call of another component that begins (1) or ends (-1)."""
+        with self._lock:
+            self._numbers[number] += by
+            self.calls += by
 
     def _add_all(self, port: Port, routes: Sequence[Route]) -> list[int]:
         """Add a counter for each operation of a port."""
@@ -115,17 +106,22 @@ class CountedProxy:
         return loans
 
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
-        with self._counts.during(self._number), self._counts.clock.away():
-            return self._bound.ask(arguments, deadline)
+        counts = self._counts
+        counts.add_call(self._number, 1)
+        try:
+            with counts.clock.away():
+                return self._bound.ask(arguments, deadline)
+        finally:
+            counts.add_call(self._number, -1)
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
-        self._counts.add(self._number, 1)
+        self._counts.add_call(self._number, 1)
         try:
             answer: Future[Any] = self._bound.ask_async(arguments, deadline)
         except BaseException:
-            self._counts.add(self._number, -1)
+            self._counts.add_call(self._number, -1)
             raise
-        Future.add_done_callback(answer, lambda _: self._counts.add(self._number, -1))
+        Future.add_done_callback(answer, lambda _: self._counts.add_call(self._number, -1))
         return answer
 
     def send(self, arguments: tuple[Any, ...], deadline: float | None, memory: Memory | None = None) -> None:
@@ -164,8 +160,11 @@ class CountedHandlers:
             if number is None:  # a message that comes before all ports are bound
                 return method(*arguments)
             if is_query:
-                with self._counts.during(number):
+                self._counts.add(number, 1)
+                try:
                     return method(*arguments)
+                finally:
+                    self._counts.add(number, -1)
             try:
                 return method(*arguments)
             finally:

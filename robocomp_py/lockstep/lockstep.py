@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,11 @@ class Lockstep:
     @property
     def clock(self) -> Followed:
         return self._member.clock
+
+    @property
+    def alarm(self) -> threading.Event:
+        """The event for which the loop of the component waits."""
+        return self._member.alarm
 
     @property
     def threads(self) -> Threads:

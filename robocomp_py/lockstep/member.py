@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 from ..contract.component import Port
 from ..contract.interface import Verb
 from ..errors import Closed, ComponentError, RobocompError
+from ..runtime.clock import NEVER
 from ..runtime.monitor import Threads
 from ..threads import NO_THREAD, start_thread
 from ..transports.base import about_to_block
 from ..wire import names
+from .answering import Answering
 from .balance import State
 from .clock import Followed
 from .counts import Counts
-from .line import Answering
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
     LOCKSTEPLEADER_INTERFACE,
@@ -86,6 +87,12 @@ class Member:
         self.threads = AwayThreads(self.clock)
         self.counts = Counts(self.clock)
         self._line = Answering(self.instance[1:], self)
+        self.clock.pause = self._line.wait
+
+    @property
+    def alarm(self) -> threading.Event:
+        """The event for the thread of the component's loop."""
+        return self._line.alarm
 
     @property
     def leads(self) -> bool:
@@ -142,27 +149,44 @@ class Member:
 
     def step(self, now: int) -> State:
         """Do all that is due until an instant."""
-        self.clock.set(now)
+        return self.work(now, _never) or self._state()
+
+    def work(self, now: int, is_called: Callable[[], bool]) -> State | None:
+        """As `step`, but None, before that is done, if it is called: the calling thread has something else to do."""
+        clock, counts = self.clock, self.counts
         if not self._admitted.is_set():
+            clock.set(now)  # first: it is what the component sees when it begins
             self._admitted.set()
-        begun = quiet = time.monotonic()
+        begun = quiet = elapsed = time.monotonic()
         while True:
-            is_settled, elapsed = self._is_settled, time.monotonic()
-            if not is_settled:
-                quiet = elapsed
-            elif (not self.counts.calls or elapsed - quiet > _CALL) and not self.clock.advance(now):
-                break
-            if elapsed - begun > PATIENCE:
-                break
+            is_busy = not self._is_idle()
+            if not is_busy and (not counts.calls or elapsed - quiet > _CALL):
+                woken = clock.proceed(now)
+                if woken is False:
+                    return State(clock.due, True, counts.version, counts.numbers())
+                is_busy = woken is None
+            else:
+                clock.set(now)
+                is_busy = is_busy or not clock.is_still
+            if is_called():
+                return None
+            if elapsed - begun > PATIENCE or (is_busy and self._is_over()):
+                return self._state()
             if elapsed - begun > _SHORT:
                 about_to_block()
-            self.clock.wait_change(_POLL)
-        return self._state()
+            clock.wait_change(_POLL)
+            elapsed = time.monotonic()
+            if is_busy:
+                quiet = elapsed
 
     def look(self, last: State) -> State:
         """Wait until its state differs from the last one, but not long."""
+        return self.watch(last, _never)
+
+    def watch(self, last: State, is_called: Callable[[], bool]) -> State:
+        """As `look`, but it does not wait if it is called."""
         begun = time.monotonic()
-        while (now := self._state()) == last and time.monotonic() - begun < PATIENCE:
+        while (now := self._state()) == last and time.monotonic() - begun < PATIENCE and not is_called():
             about_to_block()
             self.clock.wait_change(_POLL)
         return now
@@ -176,6 +200,8 @@ class Member:
         return self._is_idle() and self.clock.is_still
 
     def _state(self) -> State:
+        if self._is_over():  # its threads end; those that wait follow the machine
+            return State(NEVER, True, self.counts.version, self.counts.numbers())
         is_settled = self._is_settled  # first: what begins after it is counted below
         return State(self.clock.due, is_settled, self.counts.version, self.counts.numbers())
 
@@ -200,3 +226,7 @@ class Member:
                     log.warning("the clock stands still: %s, which leads it, does not answer", self.leader[1:])
                 told = str(exc)
             self._closing.wait(_AGAIN if self._admitted.is_set() else _AGAIN / 10)
+
+
+def _never() -> bool:
+    return False

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from robocomp_py.errors import Timeout, Unreachable
+from robocomp_py.lockstep.answering import Answering
 from robocomp_py.lockstep.balance import State
-from robocomp_py.lockstep.line import Answering, Line, connect
+from robocomp_py.lockstep.line import Line, connect
 from robocomp_py.runtime.clock import NEVER
-from robocomp_py.testing.patience import SOON
+from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.transports.base import about_to_block
 
 A_STATE = State(NEVER, True, -(2**31), (0, -1, 2**40))
 
@@ -23,12 +25,20 @@ class Follower:
     def __init__(self) -> None:
         self.may_answer = threading.Event()
         self.may_answer.set()
+        self.answered_by: list[int] = []
+        """The threads that answered."""
+        self.calls: Callable[[], object] | None = None
+        """Called, once, instead of answering a step."""
 
-    def step(self, now: int) -> State:
+    def work(self, now: int, is_called: Callable[[], bool]) -> State | None:
         assert self.may_answer.wait(SOON)
-        return State(now, False, 7, ())
+        self.answered_by.append(threading.get_ident())
+        if self.calls:
+            call, self.calls = self.calls, None
+            call()
+        return None if is_called() else State(now, False, 7, ())
 
-    def look(self, last: State) -> State:
+    def watch(self, last: State, is_called: Callable[[], bool]) -> State:
         return last
 
 
@@ -40,6 +50,54 @@ def answering(follower: Follower) -> Iterator[Answering]:
         yield made
     finally:
         made.close()
+
+
+@contextlib.contextmanager
+def waiting(answers: Answering) -> Iterator[Loop]:
+    """A thread that waits for the alarm, as the loop of a component does."""
+    loop = Loop(answers)
+    loop.start()
+    try:
+        yield loop
+    finally:
+        loop.is_over = True
+        loop.may_work.set()
+        loop.join(SOON)
+        assert not loop.is_alive()
+
+
+class Loop(threading.Thread):
+    def __init__(self, answers: Answering) -> None:
+        super().__init__(name="loop")
+        self._answers = answers
+        self.is_over = False
+        self.works = 0
+        """How often its alarm was set."""
+        self.may_work = threading.Event()
+        """While it is not set, work takes long."""
+        self.may_work.set()
+        self.blocks = False
+        """Whether its work announces that it blocks."""
+
+    def run(self) -> None:
+        alarm = self._answers.alarm
+        while not self.is_over:
+            if self._answers.wait(alarm, 0.01):
+                alarm.clear()
+                self.works += 1
+                if self.blocks:
+                    about_to_block()
+                assert self.may_work.wait(SOON)
+
+
+def until_asked(line: Line, follower: Follower, thread: threading.Thread) -> None:
+    """Ask until this thread answers."""
+
+    def is_asked() -> bool:
+        line.step(0)
+        return follower.answered_by[-1] == thread.ident
+
+    wait_until(is_asked)
 
 
 @contextlib.contextmanager
@@ -90,3 +148,56 @@ def test_there_is_no_line_to_an_address_at_which_nothing_listens() -> None:
     with answering(Follower()) as answers:
         pass
     assert connect(answers.address, SOON) is None
+
+
+def test_a_loop_that_waits_answers_by_itself() -> None:
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+        until_asked(line, follower, loop)
+        for now in range(100):
+            assert line.step(now).due == now
+        assert set(follower.answered_by[-100:]) == {loop.ident}
+        assert line.look(A_STATE) == A_STATE
+
+
+def test_a_loop_whose_alarm_is_set_by_a_question_works_and_then_answers_it() -> None:
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+        until_asked(line, follower, loop)
+        before = loop.works
+        follower.calls = answers.alarm.set
+        assert line.step(5) == State(5, False, 7, ())
+        assert loop.works == before + 1
+
+
+@pytest.mark.parametrize("blocks", [True, False])
+def test_the_question_is_answered_by_another_thread_while_the_loop_works(blocks: bool) -> None:
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+        until_asked(line, follower, loop)
+        loop.blocks = blocks
+        loop.may_work.clear()
+        follower.calls = answers.alarm.set
+        assert line.step(6).due == 6
+        assert follower.answered_by[-1] != loop.ident
+        assert line.step(7).due == 7
+        loop.blocks = False
+        loop.may_work.set()
+        until_asked(line, follower, loop)
+
+
+def test_an_alarm_ends_the_wait_of_a_loop_that_receives() -> None:
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+        until_asked(line, follower, loop)
+        before = loop.works
+        answers.alarm.set()
+        wait_until(lambda: loop.works > before)
+
+
+def test_a_loop_that_receives_is_there_for_the_next_leader_too() -> None:
+    follower = Follower()
+    with answering(follower) as answers, waiting(answers) as loop:
+        for _ in range(2):
+            with asking(answers) as line:
+                until_asked(line, follower, loop)
