@@ -14,7 +14,7 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import mujoco
 import numpy as np
@@ -28,7 +28,10 @@ from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed, between, moved
 from .build import build
+from .devices.imu import Inertia, Inertial
+from .devices.imu import read as read_imu
 from .devices.laser import Laser
+from .devices.touch import Touch
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .looks import MOST_SHOWN, Pixels, cameras, lens_of
@@ -36,6 +39,7 @@ from .noise import normal
 from .parameters import BASES, JOINTS, Parameters
 from .render import View
 from .servos import lag
+from .speeds import Truth, speed_of, truth, update_speeds
 
 TICK = 0.005
 """Length of a tick, s."""
@@ -79,14 +83,19 @@ class World:
         without_meshes: bool = False,
         physics: bool = False,
         parameters: Parameters | None = None,
+        compat: Literal["", "robocomp"] = "",
     ) -> None:
         """Begin with all as the tree has it.
 
         A base stops `hold` seconds after it was last told a speed; 0: never. About `parameters` see
-        `sim.parameters`. Raises InnerModelError for a mesh or a sensor that cannot be used, and for wrong parameters.
+        `sim.parameters`. With `compat="robocomp"`, the acceleration of inertial units has the sign that it has in
+        RoboComp: -9.81 upwards at rest. Raises InnerModelError for a mesh or a sensor that cannot be used, and for
+        wrong parameters.
         """
         if not tick > 0.0 or not hold >= 0.0:
             raise ValueError(f"a tick of {tick} s, and a hold of {hold} s")
+        if compat not in ("", "robocomp"):
+            raise ValueError(f"compat={compat!r}: it is `robocomp`, or nothing")
         self._tree, self._seed, self._tick = tree.copy(), seed, tick
         self._hold = round(hold / tick)
         self._scene = build(self._tree, tick, without_meshes=without_meshes, parameters=parameters)
@@ -100,11 +109,20 @@ class World:
             each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
         ]
         self._lenses = {name: lens_of(self._tree.node(name)) for name in cameras(self._tree)}
-        self._data = mujoco.MjData(self._scene.model)
-        self._ticks = 0
-        self._physics = physics
         self._displays = dict.fromkeys(name for name in self._tree.ids if self._tree.node(name).tag == "display")
         self._shown: dict[str, Pixels] = {}
+        tags = {name: self._tree.node(name).tag for name in self._tree.ids}
+        self._imus = {name: self._scene.frames[name] for name, tag in tags.items() if tag == "imu"}
+        self._touches = {
+            name: Touch(self._tree, name, self._scene) for name, tag in tags.items() if tag == "touchsensor"
+        }
+        if any(touch.needs_waking for touch in self._touches.values()):
+            self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+        self._data = mujoco.MjData(self._scene.model)
+        self._ticks = 0
+        self._physics, self._compat = physics, compat
+        self._has_speeds = False
+        self._inertias: dict[str, Inertia] = {}
         self._drives: dict[str, Drive] = {}
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
@@ -120,6 +138,7 @@ class World:
         self._data.qpos[:] = self._scene.start
         self._ticks = 0
         self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
+        self._inertias = dict.fromkeys(self._imus, Inertia())
         self._noise = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
         for name in self._lenses:
             noise = float(str(self._tree.node(name).values.get("noise", 0.0)))
@@ -138,6 +157,7 @@ class World:
         mujoco.mj_copyData(made._data, self._scene.model, self._data)
         made._drives = {name: replace(drive) for name, drive in self._drives.items()}
         made._motors, made._noise, made._shown = dict(self._motors), dict(self._noise), dict(self._shown)
+        made._inertias = dict(self._inertias)
         return made
 
     @property
@@ -166,6 +186,7 @@ class World:
             return
         self._physics = on
         self._data.qvel[:] = 0.0
+        self._inertias = {name: inertia._replace(velocity=(0.0, 0.0, 0.0)) for name, inertia in self._inertias.items()}
         for name, motor in self._motors.items():
             self._motors[name] = motor._replace(position=self.position(name))
 
@@ -195,6 +216,14 @@ class World:
     def displays(self) -> list[str]:
         return list(self._displays)
 
+    @property
+    def imus(self) -> list[str]:
+        return list(self._imus)
+
+    @property
+    def touch_sensors(self) -> list[str]:
+        return list(self._touches)
+
     def digest(self) -> str:
         """A hash of the whole state: worlds with the same one go on alike, if they are told the same."""
         made = hashlib.sha256(struct.pack("<qq?", self._ticks, self._seed, self._physics))
@@ -204,7 +233,7 @@ class World:
         for name, drive in sorted(self._drives.items()):
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
-        for values in (self._motors, self._noise):
+        for values in (self._motors, self._noise, self._inertias):
             made.update(repr(sorted(values.items())).encode())
         for name, pixels in sorted(self._shown.items()):
             made.update(f"{name}{pixels.shape}".encode() + pixels.tobytes())
@@ -272,11 +301,20 @@ class World:
         """Tell where the base is, mm and rad: `corrected` goes on from there."""
         self._drive(base).corrected = Pose(*_near("pose", x, z, turn))
 
+    def reset_imu(self, imu: str) -> None:
+        """Let the present yaw of an inertial unit be 0."""
+        _known("imu", imu, self._imus)
+        yaw = self._inertias[imu].yaw + self.inertial(imu).yaw
+        self._inertias[imu] = self._inertias[imu]._replace(yaw=yaw)
+
     def set_noise(self, node: str, deviation: float) -> None:
-        """Set the standard deviation of what disturbs a node: of a laser, mm; of a base, a factor of its speed; of an
-        rgbd, a factor of its depths.
+        """Set the standard deviation of what disturbs a node.
+
+        Of a laser, mm; of an inertial unit, m/s² and rad/s; of a base, a factor of its speed; of an rgbd, a factor of
+        its depths.
         """
-        _known("laser, base or rgbd", node, {**self._scene.bases, **self._lasers, **self._lenses})
+        disturbed = {**self._scene.bases, **self._lasers, **self._imus, **self._lenses}
+        _known("laser, imu, base or rgbd", node, disturbed)
         (deviation,) = _finite("standard deviation", deviation)
         if deviation < 0.0:
             raise ValueError(f"a standard deviation of {deviation}")
@@ -354,6 +392,33 @@ class World:
         noise = {name: self._noise[name] for name in self._lenses if name in self._noise}
         return View(self._scene, self._data.qpos.copy(), self._seed, self._ticks, noise, dict(self._shown))
 
+    def inertial(self, imu: str) -> Inertial:
+        """What an inertial unit measures now. Its yaw is 0 where `reset_imu` was called, and ahead before."""
+        found = _known("imu", imu, self._imus)
+        self._update_speeds()
+        inertia, deviation = self._inertias[imu], self._noise.get(imu, 0.0)
+        made = read_imu(self._scene.model, self._data, found, np.array(inertia.acceleration))
+        made = made._replace(yaw=math.remainder(made.yaw - inertia.yaw, math.tau))
+        if deviation:
+            noise = deviation * normal(self._seed, imu, "inertia", self._ticks, 6)
+            made = made._replace(acceleration=made.acceleration + noise[:3], gyroscope=made.gyroscope + noise[3:])
+        return made._replace(acceleration=-made.acceleration) if self._compat else made
+
+    def touch(self, sensor: str) -> float:
+        """The force in N that pressed on a sensor of touch in the last tick, between its limits; of a bumper, 1 or 0.
+
+        The force is that along its normal, positive against it; without a normal, its size. With physics off, it is 1
+        while something overlaps the sensor, and else 0.
+        """
+        found = _known("sensor of touch", sensor, self._touches)
+        return (found.read if self._physics else found.overlaps)(self._scene.model, self._data)
+
+    def truth(self, node: str) -> Truth:
+        """Where any node is and how it moves, in m and rad, seen from the root."""
+        found = _known("node", node, self._scene.frames)
+        self._update_speeds()
+        return truth(self._scene.model, self._data, found)
+
     # How it goes on.
 
     def step(self, count: int = 1) -> None:
@@ -362,15 +427,30 @@ class World:
             raise ValueError(f"{count} ticks")
         for _ in range(count):
             self._ticks += 1
+            before = None if self._physics else self._data.qpos.copy()
             for name, motor in self._motors.items():
                 if motor.goal is not None:
                     self._turn(name, motor)
-            if self._physics:
+            if before is None:
                 self._act()
             else:
                 for name, drive in self._drives.items():
                     self._advance(name, drive)
+                mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
+            if self._imus:
+                self._feel()
         self._update()
+
+    def _feel(self) -> None:
+        """Note the acceleration of inertial units: the change of their speed in the tick."""
+        self._update()
+        self._update_speeds()
+        for name, frame in self._imus.items():
+            velocity, _ = speed_of(self._scene.model, self._data, frame)
+            change = (velocity - self._inertias[name].velocity) / self._tick
+            self._inertias[name] = self._inertias[name]._replace(
+                velocity=tuple(velocity.tolist()), acceleration=tuple(change.tolist())
+            )
 
     def _turn(self, name: str, motor: Motor) -> None:
         found = self._scene.joints[name]
@@ -463,6 +543,12 @@ class World:
 
     def _update(self) -> None:
         mujoco.mj_kinematics(self._scene.model, self._data)
+        self._has_speeds = False
+
+    def _update_speeds(self) -> None:
+        if not self._has_speeds:
+            update_speeds(self._scene.model, self._data)
+            self._has_speeds = True
 
     def _matrix(self, name: str) -> Array:
         frame = _known("node", name, self._scene.frames)
