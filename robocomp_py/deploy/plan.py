@@ -74,6 +74,18 @@ class Ours:
     """The middlewares that it opens, each with its domain if one is set."""
 
 
+@dataclass(frozen=True)
+class Allowed:
+    """An operation that an agent may call."""
+
+    instance: str
+    named: str
+    """The named instance, in its system; "" if the instance itself serves it."""
+    interface: str
+    """As the names of its channels have it: `Laser`, `Laser1`."""
+    operation: str
+
+
 class Security(StrEnum):
     """Which processes may take part in a network."""
 
@@ -110,6 +122,8 @@ class Plan:
     """Of all instances except foreign programs, by name."""
     clock: str = ""
     """The instance whose clock all others follow; "" if each has its own."""
+    allow: tuple[Allowed, ...] = ()
+    """What an agent may call through `rc mcp`."""
 
     @property
     def carriers(self) -> tuple[str, ...]:

@@ -320,6 +320,8 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
         yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
     elif clause and clause.settings and _open_call(words):
         yield from (Candidate(word, "word", doc=text) for word, text in clause.settings.items() if last in ("(", ","))
+    elif clause and clause.refers is Refers.OPERATION:
+        yield from _allowable(place, symbols)
     elif clause and clause.refers and (len(words) == 1 or (clause.many and last == ",")):
         yield from _referable(place, clause.refers, symbols)
     elif last == "from":
@@ -348,6 +350,41 @@ def _referable(place: _Place, what: Refers, symbols: list[Symbol]) -> Iterator[C
             yield from (_symbol(each) for each in _of(symbols, Kind.HOST) if place.heads[-1:] != ["deployment"])
         case Refers.MIDDLEWARE:
             yield from (Candidate(name, "word", "middleware") for name in installed.transports())
+        case Refers.OPERATION:
+            yield from _allowable(place, symbols)
+
+
+def _allowable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
+    """What an agent may be allowed to call: what can follow the written part of a path."""
+    written = "".join(" ".join(place.words[1:]).rpartition(",")[2].split())
+    if written and not written.endswith("/"):
+        return
+    inside = place.heads[-1:] == ["component"]
+    for prefix, ports in [("", _ports(place, symbols))] if inside else _served(place, symbols):
+        for port in ports:
+            verb, interface, *each = port.split()
+            if verb != Verb.IMPLEMENTS or each:
+                continue
+            for path, symbol in _paths(f"{prefix}{interface}", interface, symbols):
+                if path.startswith(written):
+                    yield replace(_symbol(symbol), label=path.removeprefix(written))
+
+
+def _served(place: _Place, symbols: list[Symbol]) -> Iterator[tuple[str, list[str]]]:
+    """The ports of each instance of the network, with the beginning of their paths."""
+    components = {each.name.text.lower(): each for each in _of(symbols, Kind.COMPONENT)}
+    for each in _of(symbols, Kind.INSTANCE):
+        component = components.get(each.detail.lower())
+        path = "/".join((*each.within.split("::")[1:], each.name.text))
+        yield f"{path}/", list(filter(None, component.detail.split(", "))) if component else []
+
+
+def _paths(port: str, interface: str, symbols: list[Symbol]) -> Iterator[tuple[str, Symbol]]:
+    """The paths of an interface and of its operations; of actions, none."""
+    for each in _of(symbols, Kind.INTERFACE):
+        if each.name.text == interface:
+            yield port, each
+            yield from ((f"{port}/{one.name}", one) for one in each.children if "[action]" not in one.detail)
 
 
 _TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from ..dsl.cdsl.model import Component, Item, Timer
+from ..dsl.ddsl.allow import Path, split
 from ..dsl.ddsl.clauses import Refers, referring
 from ..dsl.ddsl.model import Deployment, Instance, Offer, System
 from ..dsl.idsl import model as idsl
@@ -344,7 +345,7 @@ def _of_deployment(model: Deployment) -> Outline:
         (Symbol(Kind.DEPLOYMENT, model.name, "", model.span, children=children),),
         (
             *(use for each in model.instances for use in _uses_of_instance(each, within, further)),
-            *(use for block in _blocks(model) for what, name in referring(block) for use in _uses(what, name, within)),
+            *(use for block in _blocks(model) for use in _references(model, block)),
         ),
         (
             *(Link(each, ".cdsl") for each in model.imports),
@@ -359,15 +360,30 @@ def _blocks(model: Deployment) -> Iterator[Deployment | System | Instance]:
     yield from model.instances
 
 
-def _uses(what: Refers, name: Name, within: str) -> Iterator[Use]:
-    """The uses in a name in a clause."""
-    match what:
-        case Refers.INSTANCE:
-            yield from _uses_of_whole(name, within)
-        case Refers.HOST:
-            yield Use(name, (Kind.HOST,), within)
-        case Refers.MIDDLEWARE:
-            pass
+def _references(model: Deployment, block: Deployment | System | Instance) -> Iterator[Use]:
+    """The uses in the names of clauses."""
+    within = model.name.text
+    for what, name in referring(block):
+        match what:
+            case Refers.INSTANCE:
+                yield from _uses_of_whole(name, within)
+            case Refers.HOST:
+                yield Use(name, (Kind.HOST,), within)
+            case Refers.OPERATION if not isinstance(block, System):
+                yield from _uses_of_allowed(split(model, block, name), within)
+            case Refers.MIDDLEWARE | Refers.OPERATION:
+                pass
+
+
+def _uses_of_allowed(path: Path | None, within: str) -> Iterator[Use]:
+    if path is None:
+        return
+    if path.lead:
+        yield from (_uses_of_named if path.named else _uses_of_whole)(path.lead, within)
+    interface = _without_number(path.port)
+    yield Use(interface, (Kind.INTERFACE,))
+    if path.operation:
+        yield Use(path.operation, (Kind.OPERATION,), owner=interface.text)
 
 
 def _parts(model: Deployment, system: tuple[str, ...]) -> Iterator[Symbol]:

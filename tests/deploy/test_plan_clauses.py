@@ -20,6 +20,7 @@ INSTEAD = {
     "notifies": ('existing "sleep 60"; notifies;', 'existing "sleep 60";'),
     "ip": ("ip 10.0.0.2;", ""),
     "wiring": ("requires Laser from lidar;", "requires Laser from spare;"),
+    "allow": ("allow Laser/getLaserData;", ""),
     "address": ('address "10.0.0.5";', ""),
 }
 """Clauses that need another one or a file, and what is there without them."""
@@ -64,7 +65,8 @@ def test_every_clause_of_an_instance_reaches_the_plan(folder: Path, clause: Clau
     def told(name: str) -> str:
         processes = [each for each in found["processes"] if name in each["instances"]]
         links = [each for each in found["links"] if each["client"] == name]
-        return json.dumps([processes, links]).replace("with_", "less_")
+        allowed = [each for each in found["allow"] if each["instance"] == name]
+        return json.dumps([processes, links, allowed]).replace("with_", "less_")
 
     assert told(f"with_{clause.name}") != told(f"less_{clause.name}")
 

@@ -99,6 +99,7 @@ AROUND = {
         "Notifies": IN_INSTANCE.replace("%s", 'existing "sleep 60"; %s'),
         "Grace": IN_INSTANCE,
         "Named instance": IN_INSTANCE,
+        "Allow": "Deployment test { %s Component world : world { }; };",
         "Clock": "Deployment test { %s Component world : world { }; };",
     },
     "smdsl": {

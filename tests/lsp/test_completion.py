@@ -214,6 +214,11 @@ def test_a_network_is_written_with_what_fits(editor: Editor, inside: str, expect
         ("System a { Component left : arm { }; Component b : arm { dependences |; }; };", {"left", "/left"}, {"b"}),
         ("System a { Component x : arm { }; }; Component chess { requires Arm from |; };", {"left", "a/x"}, {"x"}),
         ("| Component chess { };", {"System", "host", "security", "restart", "escalation"}, {"grace"}),
+        ("allow |;", {"left/Arm", "left/Arm/moveTo"}, {"chess", "Arm", "left"}),
+        ("allow left/Arm/getJoints, |;", {"left/Arm/moveTo"}, set()),
+        ("allow left/|;", {"Arm", "Arm/moveTo"}, {"left/Arm"}),
+        ("allow left/Arm/|;", {"moveTo", "getJoints"}, {"Arm"}),
+        ("Component hand : arm { allow |; };", {"Arm", "Arm/moveTo"}, {"left/Arm"}),
         ("Component chess { | };", {"existing", "grace", "notifies", "restart", "host"}, {"security"}),
     ],
 )

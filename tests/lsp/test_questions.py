@@ -339,6 +339,32 @@ def test_without_folders_what_is_beside_any_open_file_is_looked_through(tmp_path
     assert editor.leave() == 0
 
 
+ALLOWING = """\
+import "arm/arm.cdsl";
+Deployment tamed
+{
+    allow north/hand/Arm/moveTo;
+    System north { Component hand : arm { allow Arm/getJoints; }; };
+};
+"""
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("allow nor|th/hand", "system of `tamed`"),
+        ("north/ha|nd/Arm", "Component hand : arm"),
+        ("hand/Ar|m/moveTo", "interface of `RoboCompArm`"),
+        ("Arm/move|To", "void moveTo("),
+        ("allow Arm/get|Joints", "Where all joints are."),
+        ("all|ow Arm", "an agent may call"),
+    ],
+)
+def test_hovering_what_an_agent_may_call_shows_what_it_is(editor: Editor, marked: str, expected: str) -> None:
+    editor.open("tamed.ddsl", ALLOWING)
+    assert expected in said(editor, "tamed.ddsl", marked)
+
+
 RING = 'import "Laser.idsl"; Component ring { Communications { implements Laser each; }; language python; };'
 HOUSE = """\
 import "ring.cdsl";

@@ -16,6 +16,7 @@ from ..cdsl.model import Amount, Setting
 from ..diagnostics import Report
 from ..source import Name, Span
 from . import model as m
+from .allow import check_allow, read_allow
 from .clocks import CLOCK_SETTINGS, check_clock, leader_of
 from .hosts import check_hosts
 from .offers import check_offers
@@ -39,6 +40,8 @@ class Refers(StrEnum):
     INSTANCE = "instance"
     HOST = "host"
     MIDDLEWARE = "middleware"
+    OPERATION = "operation"
+    """A path of an `allow`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,6 +376,19 @@ CLAUSES = (
         "the QoS of a topic, instead of that of the CDSL and the configuration",
         read=_quality,
         many=True,
+    ),
+    ClauseType(
+        "allow",
+        '"allow" _whom ("," _whom)* ","? ";"',
+        (Block.NETWORK, Block.INSTANCE),
+        "allow lidar/Laser/getLaserData;",
+        "the operations that an agent may call through `rc mcp`",
+        misplaced="write it for the network, with paths from an instance, or for a component",
+        read=lambda written: written.names,
+        many=True,
+        refers=Refers.OPERATION,
+        check=check_allow,
+        plan=read_allow,
     ),
     # Of a host.
     ClauseType(

@@ -134,6 +134,8 @@ class Instance:
     process: Name | None = None
     """The process that it shares with other instances of its system; None if it has its own."""
     qos: tuple[Quality, ...] = ()
+    allow: tuple[Name, ...] = ()
+    """Its interfaces and operations that an agent may call, as they are written: `GotoPoint/go`."""
     host: Name | None = None
     restart: Restart | None = None
     grace: Amount | None = None
@@ -188,6 +190,8 @@ class Deployment:
     escalation: Name | None = None
     security: Name | None = None
     clock: Clock | None = None
+    allow: tuple[Name, ...] = ()
+    """What an agent may call, as it is written: `wander/GotoPoint/go`."""
     clauses: tuple[Clause, ...] = ()
     """All but hosts, systems and instances, in order."""
     skipped: frozenset[str] = frozenset()
