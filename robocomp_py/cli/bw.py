@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from .hosts import hosts_of
 from .live import EXIT_STATUS, awaited_topics, reported
 from .measuring import add_measured, measure, messages
 
@@ -33,8 +34,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    with reported("rc bw") as code:
-        return measure(options, awaited_topics(options), words, figures)
+    with reported("rc bw") as code, hosts_of(options) as hosts:
+        return measure(options, awaited_topics(options, hosts), words, figures)
     return code()
 
 

@@ -11,33 +11,34 @@ from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from ..tools.shortening import shortened
 from .common import FINE
-from .live import Absent, Wrong, awaited, nothing_heard, shortened, spelled
+from .live import Absent, Wrong, awaited, nothing_heard, spelled
 
 if TYPE_CHECKING:
     from ..tools.calls import Seen
     from ..tools.network import Channel, Network
+    from .hosts import Hosts
 
 _LOOK = 0.1
 """Seconds between two looks at the clock and at signals."""
 
 
-def echo_calls(options: argparse.Namespace) -> int:
+def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
     """Print the calls of the operations that the arguments name. Raises Absent and RobocompError."""
     from ..errors import ConfigurationError
     from ..tools import leases
     from ..tools.access import Access
     from ..tools.calls import seen
-    from ..tools.census import take_census
     from ..tools.tap import Span, tap
 
     given = {"--field": options.field, "--where": options.where, "--every": options.every > 1}
     given |= {"--csv": options.csv, "--stamps": options.stamps}
     if unfit := [name for name, value in given.items() if value]:
         raise ConfigurationError(f"{', '.join(unfit)}: for topics only; --calls prints whole calls")
-    channels, components = awaited(options, partial(_chosen, options.topics, served=options.served))
+    channels, components = awaited(options, partial(_chosen, options.topics, served=options.served), hosts)
     printed = 0
-    census = partial(take_census, options.middleware, own=True)
+    census = partial(hosts.census, options.middleware, own=True)
     with ExitStack() as stack:
         access = stack.enter_context(Access())
         told = stack.enter_context(leases.told(access, census, components, "called", options.timeout))

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from .hosts import hosts_of
 from .live import EXIT_STATUS, awaited, reported, topics_of
 from .measuring import add_measured, measure, messages
 
@@ -40,8 +41,8 @@ def run(options: argparse.Namespace) -> int:
     def pick(network: Network) -> tuple[Network, list[Channel]]:
         return network, topics_of(network, options.topics)
 
-    with reported("rc delay") as code:
-        network, topics = awaited(options, pick)
+    with reported("rc delay") as code, hosts_of(options) as hosts:
+        network, topics = awaited(options, pick, hosts)
         with Access() as access:
             near = {each.name for each in topics if publishers_are_here(access, network, each)}
 

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from ..tools.shortening import shortened
 from .calls import echo_calls
 from .common import FINE, USAGE
-from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, shortened, spelled
+from .hosts import add_hosts, hosts_of
+from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, spelled
 
 if TYPE_CHECKING:
     from ..tools.network import Channel
@@ -35,6 +37,7 @@ examples:
   rc echo BatteryStatusPub --csv > battery.csv  a table: all fields, or those of --field
   rc echo LaserPub --stamps                     when and as which number each message was sent
   rc echo LaserPub --full --json                everything, for machines
+  rc echo LaserPub --host base                  of another host of a network that rcdeploy runs here
   rc echo GotoPoint --calls                     its queries and commands, as those tell that call them
   rc echo GotoPoint --calls --served            ... as the server tells
 
@@ -73,6 +76,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--stamps", action="store_true", help="also print when and as which number messages were sent")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of messages")
     add_topics(to)
+    add_hosts(to)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -84,14 +88,15 @@ def run(options: argparse.Namespace) -> int:
     if options.served and not options.calls:
         print("rc echo: --served is for --calls", file=sys.stderr)
         return USAGE
-    with reported("rc echo") as code:
+    with reported("rc echo") as code, hosts_of(options) as hosts:
         if options.calls:
-            return echo_calls(options)
-        topics = awaited_topics(options)
+            return echo_calls(options, hosts)
+        topics = awaited_topics(options, hosts)
         views = _views(topics, options)
         printer = _Table(topics, views, options) if options.csv else _Lines(topics, views, options)
         heard, fitting, printed = 0, Counter[str](), 0
-        for each in tapped(topics, first=options.timeout, whole=options.seconds):
+        full = options.full or options.csv or options.json or bool(options.field or options.where)
+        for each in tapped(topics, first=options.timeout, whole=options.seconds, full=full):
             if isinstance(each, Presence):
                 _tell(each)
                 continue

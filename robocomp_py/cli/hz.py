@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from .hosts import hosts_of
 from .live import EXIT_STATUS, awaited_topics, reported
 from .measuring import add_measured, measure, messages
 
@@ -34,8 +35,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    with reported("rc hz") as code:
-        return measure(options, awaited_topics(options), words, figures)
+    with reported("rc hz") as code, hosts_of(options) as hosts:
+        return measure(options, awaited_topics(options, hosts), words, figures)
     return code()
 
 

@@ -17,6 +17,7 @@ from .completing import What, completed
 if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import End
     from ..tools.network import Channel, Network
+    from .hosts import Hosts
 
 T = TypeVar("T")
 
@@ -33,7 +34,7 @@ EXIT_STATUS = (
 )
 
 _LONGEST = 8
-"""Items of a sequence that are shown, unless all are wanted."""
+"""Candidates that are named."""
 
 
 class Absent(Exception):
@@ -115,27 +116,34 @@ def reported(command: str) -> Iterator[Callable[[], int]]:
         print(f"{command}: {exc}", file=sys.stderr)
 
 
-def awaited(options: argparse.Namespace, pick: Callable[[Network], T]) -> T:
-    """What `pick` finds in the network, once it finds it. Raises Absent after the timeout, with its last error."""
+def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Hosts | None = None) -> T:
+    """What `pick` finds in the network, once it finds it. Without hosts, only this one is looked at.
+
+    Raises Absent after the timeout, with its last error, and HostUnreachable if a host could not be looked at.
+    """
+    from ..errors import HostUnreachable
     from ..tools.census import take_census
 
+    census = hosts.census if hosts else take_census
     end = time.monotonic() + options.timeout
     while True:
         try:
-            return pick(take_census(options.middleware, own=True))
+            return pick(census(options.middleware, own=True))
         except ValueError as exc:
             if isinstance(exc, Wrong) or time.monotonic() > end:
+                if hosts and hosts.lost:
+                    raise HostUnreachable(f"{exc}; it may be on {', '.join(hosts.lost)}") from exc
                 raise Absent(str(exc)) from exc
         time.sleep(_LOOK)
 
 
-def awaited_topics(options: argparse.Namespace) -> list[Channel]:
+def awaited_topics(options: argparse.Namespace, hosts: Hosts | None = None) -> list[Channel]:
     """The published topics that the arguments of `add_topics` name. Raises Absent."""
 
     def pick(network: Network) -> list[Channel]:
         return topics_of(network, options.topics)
 
-    return awaited(options, pick)
+    return awaited(options, pick, hosts)
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:
@@ -184,21 +192,6 @@ def one_of(network: Network, name: str) -> Channel:
         listed = ", ".join(each.name for each in found[:_LONGEST])
         raise Wrong(f"`{name}` may be {listed}{', …' if len(found) > _LONGEST else ''}; write more of the name")
     return found[0]
-
-
-def shortened(value: Any) -> Any:
-    """The same JSON, with long arrays and texts cut."""
-    match value:
-        case dict():
-            return {key: shortened(each) for key, each in value.items()}
-        case list() if len(value) > _LONGEST:
-            return [*map(shortened, value[: _LONGEST - 2]), f"… {len(value) - _LONGEST + 2} more"]
-        case list():
-            return [shortened(each) for each in value]
-        case str() if len(value) > 200:
-            return f"{value[:80]}… {len(value) - 80} more"
-        case _:
-            return value
 
 
 def spelled(value: Any) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from .common import FINE
+from .hosts import add_hosts
 from .live import add_topics, count, nothing_heard
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def add_measured(to: argparse.ArgumentParser, what: str, epilog: str) -> None:
         "--window", type=count, default=100, metavar="COUNT", help="the last messages that count (default: 100)"
     )
     add_topics(to)
+    add_hosts(to)
 
 
 def measure(options: argparse.Namespace, topics: Sequence[Channel], words: Words, figures: Figures) -> int:

@@ -7,7 +7,7 @@ import itertools
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
@@ -23,6 +23,9 @@ _WAITING = 10_000
 """Answers to one question that may wait; a scout does not send more at a time."""
 
 Message = Mapping[str, Any]
+
+Taker = Callable[[Message | RobocompError], object]
+"""Gets the answers to a question; an error if none will follow, since the scout has ended."""
 
 
 class Line(Protocol):
@@ -55,31 +58,32 @@ class Post:
 
         Raises HostUnreachable if they do not come within `deadline` seconds, and ScoutError if there is an error.
         """
-        answers: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        answers: queue.SimpleQueue[Message | RobocompError] = queue.SimpleQueue()
         end = time.monotonic() + deadline
         found: list[Message] = []
-        with self.following(do, answers.put, **more) as session:
+        with self.following(do, answers.put, **more):
             while True:
                 try:
                     answer = answers.get(timeout=max(0.0, end - time.monotonic()))
                 except queue.Empty:
                     raise HostUnreachable(f"{self.host}: no answer within {deadline:g} s") from None
-                if answer is None:
-                    raise session.error()
+                if isinstance(answer, RobocompError):
+                    raise answer
                 if "error" in answer:
                     raise ScoutError(str(answer["error"]))
                 if answer.get("end"):
                     return found
+                if "dropped" in answer:
+                    raise HostUnreachable(f"{self.host}: the connection is too slow: answers were lost")
                 found.append(answer)
 
     @contextlib.contextmanager
-    def following(self, do: str, take: Callable[[Message | None], object], **more: Any) -> Any:
-        """While entered, `take` gets the answers to a question, on a thread of this object; None if none will follow,
-        since the scout has ended. Yields what tells the reason by `error`. Raises RobocompError."""
+    def following(self, do: str, take: Taker, **more: Any) -> Iterator[None]:
+        """While entered, `take` gets the answers to a question, on a thread of this object. Raises RobocompError."""
         session = self._opened()
         number = session.begin(do, take, more)
         try:
-            yield session
+            yield
         finally:
             session.cease(number)
 
@@ -110,17 +114,17 @@ class _Session:
         self._host, self._line = host, line
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
-        self._takers: dict[int, Callable[[Message | None], object]] = {}
+        self._takers: dict[int, Taker] = {}
         self._error: RobocompError | None = None
         self.has_ended = False
         self._thread = threading.Thread(target=self._read, name=f"scout of {host}", daemon=True)
         start_thread(self._thread)
 
-    def begin(self, do: str, take: Callable[[Message | None], object], more: Message) -> int:
+    def begin(self, do: str, take: Taker, more: Message) -> int:
         number = next(self._numbers)
         with self._lock:
             if self.has_ended:
-                raise self.error()
+                raise self._reason()
             self._takers[number] = take
         try:
             self._line.say({"id": number, "do": do, **more})
@@ -135,7 +139,7 @@ class _Session:
             with contextlib.suppress(RobocompError):
                 self._line.say({"id": number, "do": "cease"})
 
-    def error(self) -> RobocompError:
+    def _reason(self) -> RobocompError:
         """Why it has ended."""
         return self._error or DeploymentError(f"{self._host}: its scout has ended")
 
@@ -147,6 +151,10 @@ class _Session:
     def _read(self) -> None:
         try:
             while (answer := self._line.told()) is not None:
+                if "dropped" in answer:
+                    for each in list(self._takers.values()):
+                        each(answer)
+                    continue
                 number = answer.get("id")
                 take = self._takers.get(number) if isinstance(number, int) else None
                 if take and answer.get("end"):
@@ -161,7 +169,7 @@ class _Session:
                 takers = list(self._takers.values())
                 self._takers.clear()
             for take in takers:
-                take(None)
+                take(self._reason())
 
 
 def survey(posts: Sequence[Post], middlewares: Sequence[str] = ()) -> tuple[list[End], dict[str, str], list[str]]:

@@ -4,10 +4,17 @@ The agent of `rcdeploy` starts it on request. It reads questions from its standa
 standard output, objects of JSON, one a line, and ends with its input:
 
     {"id": 1, "do": "census", "middlewares": ["shm"]}    all ends of channels; without middlewares, of all that can tell
+    {"id": 1, "do": "hear", "channels": […]}             messages of these topics; with "full": true, not shortened
+    {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
     {"id": 1, "do": "cease"}                             end the question with this number
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
     {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
+    {"id": 1, "message": […]}                            channel, decoded message, number of messages dropped before
+                                                         it, when and as which number it was sent (or null)
+    {"id": 1, "presence": ["…", false]}                  a topic, and whether something publishes it now
+    {"id": 1, "arrivals": [[…]], "now": 12.5}            channel, time by the clock of `now`, octets, source, number,
+                                                         age (or null) of each message
     {"id": 1, "error": "…"}                              a sentence for people
     {"id": 1, "end": true}                               the last answer to a question
 """
@@ -15,16 +22,19 @@ standard output, objects of JSON, one a line, and ends with its input:
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import IO, Any
 
 from ..errors import RobocompError
 from ..threads import start_thread
-from .census import take_each
-from .network import End
+from .census import take_census, take_each
+from .network import Channel, End
+from .traffic import Arrival
 
 LONGEST = 512 * 1024
 """Octets of a line."""
@@ -34,6 +44,12 @@ MOST = 16
 
 _ENDS = 200
 """Ends in one line, at most."""
+
+_TOGETHER = 1000
+"""Arrivals in one line, at most."""
+
+_LOOK = 0.1
+"""Seconds between two looks at whether a question is to end."""
 
 _ENOUGH = LONGEST // 4
 """Characters of ends and contracts after which a line is sent."""
@@ -107,7 +123,52 @@ def _census(question: Message, answer: Answer, over: threading.Event) -> None:
     answer(tellers=tellers, troubles=troubles)
 
 
-_DEEDS: Mapping[str, _Deed] = {"census": _census}
+def _hear(question: Message, answer: Answer, over: threading.Event) -> None:
+    from .shortening import shortened
+    from .tap import tap
+
+    full, published = bool(question.get("full")), dict[str, bool]()
+    with tap(_topics(question)) as tapping:
+        while not over.is_set():
+            if heard := tapping.take(_LOOK):
+                published[heard.channel] = True
+                shown = heard.message
+                if not full:
+                    shown = shortened(shown)
+                elif len(json.dumps(shown)) > LONGEST // 2:
+                    shown = f"not sent to another host: as JSON, it has more than {LONGEST // 2} octets"
+                answer(message=[heard.channel, shown, heard.dropped, heard.sent, heard.number])
+                continue
+            for channel, is_published in tapping.presences():
+                if published.get(channel) is not is_published:
+                    published[channel] = is_published
+                    answer(presence=[channel, is_published])
+
+
+def _arrivals(question: Message, answer: Answer, over: threading.Event) -> None:
+    from .tap import arrivals
+
+    waiting: list[list[Any]] = []
+    told_at = time.monotonic()
+    for each in arrivals(_topics(question), first=math.inf, whole=None):
+        if over.is_set():
+            return
+        if isinstance(each, Arrival):
+            waiting.append([*each[:-1], None if math.isnan(each.age) else each.age])
+        now = time.monotonic()
+        if len(waiting) >= _TOGETHER or (waiting and now - told_at >= _LOOK):
+            told_at = now
+            answer(arrivals=waiting, now=now)
+            waiting = []
+
+
+def _topics(question: Message) -> list[Channel]:
+    """The topics that a question names whole. Raises ValueError."""
+    network = take_census([str(each) for each in question.get("middlewares") or ()], own=True)
+    return [network.topic(str(name)) for name in question["channels"]]
+
+
+_DEEDS: Mapping[str, _Deed] = {"census": _census, "hear": _hear, "arrivals": _arrivals}
 
 
 def parts_of(ends: Iterable[End]) -> Iterator[dict[str, Any]]:

@@ -20,7 +20,10 @@ from ..transports.base import Heard, Link, SupportsSources
 from ..wire import json
 from ..wire.codec import Codec, Decoder, Payload
 from .access import Access
+from .far import Far, FarArrivals
+from .far import Message as Message
 from .network import Channel
+from .posts import Post
 from .traffic import Arrival
 
 DEPTH = 100
@@ -35,19 +38,8 @@ ARRIVALS = 100_000
 _LOOK = 0.1
 """Seconds between two looks at the clock and at signals."""
 
-
-class Message(NamedTuple):
-    time: float
-    """When it arrived, in seconds since 1970."""
-    channel: str
-    message: Any
-    """As JSON; a text that says why, if it cannot be decoded."""
-    dropped: int
-    """Messages that arrived since the last one and did not fit."""
-    sent: float | None
-    """When it was sent, by the clock of its publisher's host, in seconds since 1970; None if it does not tell."""
-    number: int | None
-    """Counts the messages of its publisher from 1; None if it does not tell."""
+_FAR = 64 * 1024
+"""Octets that a message which a scout has decoded counts for."""
 
 
 class Presence(NamedTuple):
@@ -67,7 +59,8 @@ class Resumed(NamedTuple):
 class _Arrived(NamedTuple):
     time: float
     channel: str
-    heard: Heard
+    heard: Heard | Message
+    """A message if a scout has decoded it."""
     octets: int
 
 
@@ -80,15 +73,22 @@ class _Inbox:
         self._octets = 0
         self._dropped = 0
 
-    def put(self, channel: str, heard: Heard) -> None:
-        size = octets_of(heard.payload)
+    def put(self, channel: str, heard: Heard | Message) -> None:
+        size = _FAR if isinstance(heard, Message) else octets_of(heard.payload)
         with self._lock:
+            if isinstance(heard, Message):
+                self._dropped += heard.dropped
             if self._octets + size <= OCTETS or not self._octets:
                 with contextlib.suppress(queue.Full):
                     self._waiting.put_nowait(_Arrived(time.time(), channel, heard, size))
                     self._octets += size
                     return
             self._dropped += 1
+
+    def miss(self, number: int) -> None:
+        """Some messages were lost on their way here."""
+        with self._lock:
+            self._dropped += number
 
     def get(self, timeout: float) -> tuple[_Arrived, int] | None:
         """The next message, and the number of messages dropped since the last one; None if no message comes in time."""
@@ -102,10 +102,13 @@ class _Inbox:
         return arrived, dropped
 
 
-def tapped(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Message | Presence]:
+def tapped(
+    topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
+) -> Iterator[Message | Presence]:
     """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
 
-    Whether topics are published is noticed while no message comes.
+    Whether topics are published is noticed while no message comes. Unless `full`, messages from other hosts may be
+    shortened.
     """
     inbox, span = _Inbox(DEPTH * len(topics)), Span(first, whole)
     decoders: dict[str, Decoder] = {}
@@ -115,7 +118,7 @@ def tapped(topics: Sequence[Channel], *, first: float, whole: float | None) -> I
     def resumed() -> None:
         published.update(dict.fromkeys(published, False))  # new subscriptions find their publishers anew
 
-    subscriptions = _Subscriptions(topics, inbox.put, decoders, resumed)
+    subscriptions = _Subscriptions(topics, inbox.put, decoders, resumed, far=Far(inbox.put, inbox.miss, full))
     with _listening(subscriptions) as check:
         while span.goes_on():
             check()
@@ -139,9 +142,16 @@ class Tap:
     """Messages of topics, for one thread to take."""
 
     def __init__(
-        self, topics: Sequence[Channel], inbox: _Inbox, decoders: dict[str, Decoder], check: Callable[[], None]
+        self,
+        topics: Sequence[Channel],
+        inbox: _Inbox,
+        decoders: dict[str, Decoder],
+        check: Callable[[], None],
+        presences: Callable[[], list[tuple[str, bool]]],
     ) -> None:
         self._topics, self._inbox, self._decoders, self._check = topics, inbox, decoders, check
+        self.presences = presences
+        """Tells the topics, and whether something publishes them now, as far as their middleware can tell."""
 
     def take(self, timeout: float) -> Message | None:
         """The next message; None if none comes in time. Raises what has gone wrong with the subscriptions."""
@@ -154,8 +164,9 @@ class Tap:
 def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
     """Listen to these topics until the end."""
     inbox, decoders = _Inbox(DEPTH * len(topics)), dict[str, Decoder]()
-    with _listening(_Subscriptions(topics, inbox.put, decoders)) as check:
-        yield Tap(topics, inbox, decoders, check)
+    subscriptions = _Subscriptions(topics, inbox.put, decoders, far=Far(inbox.put, inbox.miss))
+    with _listening(subscriptions) as check:
+        yield Tap(topics, inbox, decoders, check, subscriptions.presences)
 
 
 def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Arrival | Resumed | None]:
@@ -166,6 +177,10 @@ def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) ->
     waiting: queue.SimpleQueue[Arrival | Resumed] = queue.SimpleQueue()
     span = Span(first, whole)
 
+    def put(arrival: Arrival) -> None:
+        if waiting.qsize() < ARRIVALS:
+            waiting.put(arrival)
+
     def note(channel: str, heard: Heard) -> None:
         if waiting.qsize() < ARRIVALS:
             age = (time.time_ns() - heard.stamp) / 1e9 if heard.stamp else math.nan
@@ -175,7 +190,7 @@ def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) ->
     def resumed() -> None:
         waiting.put(Resumed(time.monotonic()))  # these are as many as a user types
 
-    with _listening(_Subscriptions(topics, note, {}, resumed, latched=False)) as check:
+    with _listening(_Subscriptions(topics, note, {}, resumed, latched=False, far=FarArrivals(put))) as check:
         while span.goes_on():
             check()
             try:
@@ -225,14 +240,22 @@ class _Subscriptions:
         decoders: dict[str, Decoder],
         resumed: Callable[[], None] = lambda: None,
         *,
+        far: Far | FarArrivals,
         latched: bool = True,
     ) -> None:
         """`take` gets the name of a channel and a message; unless `latched`, only those that are sent from now on.
 
-        `resumed` is called when this process goes on after a stop, before the first message.
+        `resumed` is called when this process goes on after a stop, before the first message. `far` takes what is heard
+        on other hosts.
         """
-        self._topics, self._take, self._decoders, self._resumed = topics, take, decoders, resumed
-        self._latched = latched
+        self._topics = [each for each in topics if each.via is None]
+        self._take, self._decoders, self._resumed = take, decoders, resumed
+        self._latched, self._far = latched, far
+        self._posts: dict[Post, list[str]] = {}
+        for each in topics:
+            if each.via:
+                self._posts.setdefault(each.via, []).append(each.name)
+        self._following = contextlib.ExitStack()
         self._access: Access | None = None
         self._links: dict[str, Link] = {}
         self._wanted = threading.Event()
@@ -250,8 +273,8 @@ class _Subscriptions:
         self._wanted.set()
 
     def check(self) -> None:
-        if self._error:
-            raise self._error
+        if error := self._error or self._far.error:
+            raise error
 
     def presences(self) -> list[tuple[str, bool]]:
         """The topics, and whether something publishes them now, as far as their middleware can tell."""
@@ -259,7 +282,7 @@ class _Subscriptions:
         found = [
             (name, bool(link.sources())) for name, link in list(links.items()) if isinstance(link, SupportsSources)
         ]
-        return found if links is self._links else []  # they may have been closed meanwhile
+        return (found if links is self._links else []) + self._far.presences()  # they may have been closed meanwhile
 
     def close(self) -> None:
         self._is_over = True
@@ -287,8 +310,11 @@ class _Subscriptions:
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
             self._decoders[topic.name] = _decoder(topic, heard.codec)
             self._links[topic.name] = heard.link
+        for post, names in self._posts.items():
+            self._following.enter_context(self._far.following(post, names))
 
     def _silence(self) -> None:
+        self._following.close()
         self._links = {}
         if self._access:
             self._access.__exit__()
@@ -300,8 +326,10 @@ def _decoder(topic: Channel, codec: Codec) -> Decoder:
 
 
 def _message(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _Arrived, dropped: int) -> Message:
-    topic = next(each for each in topics if each.name == arrived.channel)
     heard = arrived.heard
+    if isinstance(heard, Message):
+        return heard._replace(time=arrived.time, dropped=dropped)
+    topic = next(each for each in topics if each.name == arrived.channel)
     shown: Any
     try:
         shown = json.shown(topic.operation.inputs, decoders[arrived.channel](heard.payload))

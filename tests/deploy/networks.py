@@ -52,6 +52,7 @@ class Standing(Network):
         """Why nothing is done that is asked for."""
         self.scouts: dict[str, Callable[[], Scout]] = {}
         """What starts one, by the host."""
+        self.started: list[Scout] = []
 
     def snapshot(self) -> Snapshot:
         return self.now
@@ -64,4 +65,11 @@ class Standing(Network):
     def scout(self, host: str) -> Scout:
         if host not in self.scouts:
             raise HostUnreachable(f"{host} is out of reach: its cable was cut")
-        return self.scouts[host]()
+        self.started.append(self.scouts[host]())
+        return self.started[-1]
+
+    def cut(self) -> None:
+        """Lose all hosts."""
+        self.scouts.clear()
+        for each in self.started:
+            each.end("base is out of reach: its cable was cut", is_lost=True)

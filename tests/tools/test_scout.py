@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 import queue
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +19,7 @@ from robocomp_py.errors import HostUnreachable
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import scout
 from robocomp_py.tools.census import take_census
+from robocomp_py.tools.far import Far
 from robocomp_py.tools.network import End
 from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
@@ -26,7 +29,7 @@ from robocomp_py.transports.census import Told
 from ..runtime.components import Calculator
 from ..runtime.test_run import make, running
 from . import elsewhere
-from .test_commands import said
+from .test_commands import Talker, said
 
 NOWHERE = Post("nowhere", lambda: Direct())
 
@@ -113,12 +116,10 @@ def test_a_question_that_is_not_known_is_an_error(post: Post) -> None:
 
 def test_a_scout_that_ends_is_started_again_by_the_next_question(post: Post, lines: list[Direct]) -> None:
     answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    with post.following("dance", answers.put) as session:
-        assert answers.get(timeout=SOON)["error"]
-    with post.following("census", answers.put, middlewares=["shm"]):
+    with post.following("hear", answers.put, channels=[]):
         lines[0].end(HostUnreachable("its cable was cut"))
-        wait_until(lambda: session.has_ended)
-    assert "its cable was cut" in str(session.error())
+        with pytest.raises(HostUnreachable, match="its cable was cut"):
+            raise answers.get(timeout=SOON)
     post.ask("census", SOON, middlewares=["shm"])
     assert len(lines) == 2
 
@@ -165,7 +166,7 @@ def test_components_of_all_hosts_are_listed(capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.usefixtures("own_runtime_folder", "calculator")
 def test_the_exit_status_tells_that_a_host_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
     with elsewhere.network("base") as network:
-        network.network.scouts.clear()
+        network.standing.scouts.clear()
         assert rc.main(["list", "--middleware", "shm"]) == UNREACHABLE
         shown = capsys.readouterr()
         assert "sums" in shown.out
@@ -181,3 +182,88 @@ def test_a_wrong_name_of_a_host_or_a_network_is_told(capsys: pytest.CaptureFixtu
         assert "did you mean 'base'" in capsys.readouterr().err.replace("`", "'")
         assert rc.main(["list", "--network", "work"]) == 1
         assert "network `work` is not running" in capsys.readouterr().err
+
+
+@pytest.fixture
+def talker(own_runtime_folder: Any) -> Iterator[Any]:
+    with running(make(Talker, find_transport, "middleware=shm", name="talker")) as worker:
+        wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+        yield worker
+
+
+THERE = ("--middleware", "shm", "--host", "base")
+
+
+@pytest.mark.usefixtures("talker")
+def test_topics_of_another_host_are_printed_and_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        found = [json.loads(line) for line in said(capsys, "echo", "news", *THERE, "-n", "3", "--json").splitlines()]
+        numbers = [each["message"]["number"] for each in found]
+        assert numbers == list(range(numbers[0], numbers[0] + 3))
+        assert {each["channel"] for each in found} == {"talker/Everything/news"}
+        measured = json.loads(said(capsys, "hz", "news", *THERE, "--for", "1.2", "--json").splitlines()[-1])
+        assert measured["hz"] > 1
+        assert measured["missing"] == 0
+        aged = json.loads(said(capsys, "delay", "news", *THERE, "--for", "1.2", "--json").splitlines()[-1])
+        assert 0 < aged["median_s"] < SOON
+        assert aged["one_clock"]
+
+
+@pytest.mark.usefixtures("talker")
+def test_a_command_that_listens_ends_when_the_host_is_lost(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base") as network:
+
+        def cut_once_it_listens() -> None:
+            wait_until(lambda: any('"hear"' in each for each in network.questions))
+            network.cut()
+
+        cut = threading.Thread(target=cut_once_it_listens)
+        cut.start()
+        assert rc.main(["echo", "news", *THERE]) == UNREACHABLE
+        assert capsys.readouterr().err == "rc echo: base is out of reach: its cable was cut\n"
+        cut.join()
+
+
+@pytest.mark.usefixtures("talker")
+def test_a_name_that_may_be_on_a_lost_host_is_told_so(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base") as network:
+        network.standing.scouts.clear()
+        assert rc.main(["hz", "Laser", "--middleware", "shm", "--timeout", "0.1"]) == UNREACHABLE
+        assert "it may be on base" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_messages_are_shortened_there_unless_all_is_wanted(talker: Any, post: Post, full: bool) -> None:
+    talker.texts = ("x" * 300,)
+    heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    with post.following("hear", heard.put, channels=["talker/Everything/news"], full=full):
+        wait_until(lambda: "message" in (told := heard.get(timeout=SOON)) and "x" in told["message"][1]["text"])
+        text = heard.get(timeout=SOON)["message"][1]["text"]
+    assert (text == "x" * 300) is full
+
+
+def test_a_message_that_is_too_long_for_a_line_is_replaced_by_the_reason(talker: Any, post: Post) -> None:
+    talker.texts = ("x" * LONGEST,)
+    heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    with post.following("hear", heard.put, channels=["talker/Everything/news"], full=True):
+        wait_until(lambda: "not sent to another host" in str(heard.get(timeout=SOON)))
+
+
+def test_that_a_publisher_ends_is_told(own_runtime_folder: Any, post: Post) -> None:
+    heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    with contextlib.ExitStack() as ends:
+        with running(make(Talker, find_transport, "middleware=shm", name="talker")):
+            wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+            ends.enter_context(post.following("hear", heard.put, channels=["talker/Everything/news"]))
+            wait_until(lambda: "message" in heard.get(timeout=SOON))
+        wait_until(lambda: heard.get(timeout=SOON).get("presence") == ["talker/Everything/news", False])
+
+
+def test_answers_that_are_not_understood_are_ignored() -> None:
+    taken: list[Any] = []
+    far = Far(lambda channel, message: taken.append(message.message), taken.append)
+    with far.following(Post("base", Direct), ["a/B/c"]):
+        answers: list[Any] = [{}, {"message": 7}, {"message": ["x/B/c", 1, 0, None, None]}, {"presence": ["a/B/c", 7]}]
+        for each in (*answers, {"message": ["a/B/c", 5, 0, None, None]}, {"dropped": 3}):
+            far._answer("base", each)
+    assert taken == [5, 3]
