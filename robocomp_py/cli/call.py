@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE, WRONG
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
-    Absent,
     Wrong,
     add_middleware,
     add_request,
@@ -63,16 +63,17 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "--json", action="store_true", help="print a declared exception as JSON on stdout, as the answer is"
     )
     add_waiting(to)
+    add_hosts(to)
     add_middleware(to)
 
 
 def run(options: argparse.Namespace) -> int:
-    with reported("rc call") as code:
+    with reported("rc call") as code, hosts_of(options) as hosts:
 
         def pick(network: Network) -> tuple[Network, Channel]:
             return network, callable_in(network, options.operation)
 
-        return _call(*awaited(options, pick), options)
+        return _call(*awaited(options, pick, hosts), options)
     return code()
 
 
@@ -103,10 +104,7 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
         if refused := allowed(channel, told, "rc call", yes=options.yes):
             return refused
         if channel.pattern is Pattern.COMMAND:
-            outlet, call = access.outlet(channel)
-            if not outlet.wait_peer(options.timeout):
-                raise Absent(f"no component serves {channel.name}")
-            outlet.send(call.encode(taken), options.deadline)
+            access.send(channel, taken, options.timeout, options.deadline)
             return FINE
         try:
             results = access.ask(channel, taken, options.deadline)

@@ -8,11 +8,12 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from .common import FINE, WRONG
 from .completing import What, completed
+from .hosts import HERE, add_hosts, hosts_of
 from .live import COMPONENT, EXIT_STATUS, Absent, add_json, add_middleware, components_named, positive, reported
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import Description, Measures
     from ..tools.access import Access
     from ..tools.measure import Load, Operation
+    from .hosts import Hosts
 
 NAME = "top"
 HELP = "show processor, memory, rates and durations of running components, again and again"
@@ -54,6 +56,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "--every", type=positive, default=1.0, metavar="SECONDS", help="the time between two looks (default: 1)"
     )
     to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
+    add_hosts(to)
     add_middleware(to)
     add_json(to)
 
@@ -61,27 +64,26 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from ..tools.access import Access
 
-    with reported("rc top") as code, Access() as access:
-        looks = _looks(access, options)
+    with reported("rc top") as code, hosts_of(options) as hosts, Access() as access:
+        looks = _looks(access, options, hosts)
         if options.once or options.json or not sys.stdout.isatty():
             for found in looks:
-                _print(found, options)
-            return FINE
-        return _live(looks, options)
+                _print(found, options, with_hosts=bool(hosts.posts))
+            return hosts.code()
+        return hosts.code(_live(looks, options, with_hosts=bool(hosts.posts)))
     return code()
 
 
-def _looks(access: Access, options: argparse.Namespace) -> Iterator[list[Load]]:
+def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterator[list[Load]]:
     """What there is, one look after the other. Raises Absent if nothing tells at the first."""
     from ..tools import asking
-    from ..tools.census import take_census
     from ..tools.measure import load
 
     abouts: dict[str, Description | None] = {}
     before: dict[str, Measures] = {}
     begun, number = time.monotonic(), 0
     while True:
-        network = take_census(options.middleware)
+        network = hosts.census(options.middleware)
         names = components_named(asking.components(network), options.components)
         now = asking.measure_all(access, network, names, min(asking.DEADLINE, max(options.every, 0.2)))
         for name in now:
@@ -89,22 +91,24 @@ def _looks(access: Access, options: argparse.Namespace) -> Iterator[list[Load]]:
                 abouts[name] = asking.describe(access, network, name)
         if not now and not number:
             raise Absent("no component here tells what it does; `rc list` shows what runs")
-        yield [load(name, told, before.get(name), abouts[name]) for name, told in sorted(now.items())]
+        where = asking.hosts(network)
+        loads = [load(name, told, before.get(name), abouts[name]) for name, told in sorted(now.items())]
+        yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
         before, number = now, number + 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
             return
         time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
 
 
-def _print(found: Sequence[Load], options: argparse.Namespace) -> None:
+def _print(found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False) -> None:
     if options.json:
         for each in found:
             print(json.dumps(_plain(asdict(each))), flush=True)
     else:
-        print("\n".join(line.plain.rstrip() for line in lines(found, options)), flush=True)
+        print("\n".join(line.plain.rstrip() for line in lines(found, options, with_hosts=with_hosts)), flush=True)
 
 
-def _live(looks: Iterator[list[Load]], options: argparse.Namespace) -> int:
+def _live(looks: Iterator[list[Load]], options: argparse.Namespace, *, with_hosts: bool) -> int:
     from rich.console import Console, Group
     from rich.live import Live
 
@@ -112,19 +116,30 @@ def _live(looks: Iterator[list[Load]], options: argparse.Namespace) -> int:
     found: list[Load] = []
     with Live(console=console, auto_refresh=False, screen=False, transient=True) as live:
         for found in looks:
-            live.update(Group(*lines(found, options)[: max(1, console.height - 1)]), refresh=True)
-    for line in lines(found, options):
+            live.update(
+                Group(*lines(found, options, with_hosts=with_hosts)[: max(1, console.height - 1)]), refresh=True
+            )
+    for line in lines(found, options, with_hosts=with_hosts):
         console.print(line, soft_wrap=True)
     return FINE if found else WRONG
 
 
-def lines(found: Sequence[Load], options: argparse.Namespace) -> list[Text]:
+def lines(found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False) -> list[Text]:
     """The table of components, then that of operations."""
     shown = [(each, one) for each in found for one in each.operations if options.all or not one.is_quiet]
-    table = _table(_COMPONENTS, [(_component(each), _is_bad(each)) for each in found])
+    heads = _insert(_COMPONENTS, "host") if with_hosts else _COMPONENTS
+    rows = [(_insert(_component(each), each.host) if with_hosts else _component(each), _is_bad(each)) for each in found]
+    table = _table(heads, rows, left=len(heads) - len(_COMPONENTS) + 2)
     if shown:
-        table += _table(_OPERATIONS, [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown])
+        table += _table(
+            _OPERATIONS, [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown], left=1
+        )
     return table
+
+
+def _insert(cells: tuple[str, ...], host: str) -> tuple[str, ...]:
+    """The host comes behind the component."""
+    return cells[0], host, *cells[1:]
 
 
 _COMPONENTS = (
@@ -164,11 +179,11 @@ def _is_bad(each: Load) -> bool:
     return bool(each.failed or each.lost or each.state == "emergency")
 
 
-def _table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], bool]]) -> list[Text]:
+def _table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], bool]], *, left: int) -> list[Text]:
+    """The first `left` columns, and the middleware, are aligned at their left side."""
     from rich.text import Text
 
     widths = [max(map(len, cells)) for cells in zip(heads, *(cells for cells, _ in rows), strict=True)]
-    left = 2 if heads is _COMPONENTS else 1
 
     def line(cells: Sequence[str], style: str) -> Text:
         filled = (

@@ -42,6 +42,9 @@ _LISTEN_S = 0.5
 _COMING_S = 3.0
 """Seconds for which a starting or ending network may have no socket."""
 
+_LONGEST_QUESTION = 60_000
+"""Octets of a question to a scout."""
+
 _WORDS = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:[^\"\\\n]|\\.)*\"|\bDeployment\s+(\w+)", re.DOTALL)
 
 
@@ -253,9 +256,14 @@ class ScoutLine:
             end.pop_all()
 
     def say(self, message: Mapping[str, Any]) -> None:
-        """Raises HostUnreachable if the connection is lost, or takes nothing."""
+        """Raises HostUnreachable if the connection is lost, or takes nothing, and DeploymentError if it is long."""
+        data = json.dumps(message).encode() + b"\n"
+        if len(data) > _LONGEST_QUESTION:
+            raise DeploymentError(
+                f"{self._host}: to another host, at most {_LONGEST_QUESTION} octets are sent at a time"
+            )
         try:
-            self._writing.sendall(json.dumps(message).encode() + b"\n")
+            self._writing.sendall(data)
         except OSError as exc:
             raise HostUnreachable(f"{self._host}: its scout takes no questions: {exc.strerror or exc}") from exc
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
-from ..contract.types import LINEAGE, ExceptionType, thrown
-from ..errors import RemoteFailure, RobocompError
+from ..contract.types import LINEAGE, thrown
+from ..errors import RemoteFailure, Unreachable
 from ..runtime.calls import Call
 from ..transports import base
 from ..transports.base import (
@@ -27,15 +26,9 @@ from ..transports.base import (
     find_transport,
 )
 from ..wire.codec import Codec
+from . import far
 from .network import TOOL, Channel
-
-
-class ThrownError(RobocompError):
-    """The server raised an exception that the operation declares."""
-
-    def __init__(self, kind: ExceptionType, values: Sequence[Any]) -> None:
-        super().__init__(kind.name)
-        self.kind, self.values = kind, tuple(values)
+from .thrown import ThrownError as ThrownError
 
 
 @dataclass(frozen=True)
@@ -87,8 +80,10 @@ class Access:
     def ask(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """Call a query; returns its outputs. `values` are those of the request, as `wire.json` makes them.
 
-        Raises ThrownError, and what any call raises.
+        Raises ThrownError, and what any call raises; ScoutError and HostUnreachable if it is on another host.
         """
+        if channel.via:
+            return far.asked(channel, values, deadline)
         caller, call = self._caller(channel)
         try:
             return _answer(caller, call, values, deadline)
@@ -97,6 +92,8 @@ class Access:
 
     def ask_again(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """The same for a query that is called again and again: its link stays open, until a call fails."""
+        if channel.via:
+            return far.asked(channel, values, deadline)
         key = (channel.middlewares[0], channel.name, next(iter(channel.texts)))
         with self._opening:
             kept = self._kept.pop(key, None)  # one thread uses it at a time
@@ -111,6 +108,22 @@ class Access:
         if before:
             before[0].close()
         return result
+
+    def send(self, channel: Channel, values: tuple[Any, ...], timeout: float, deadline: float) -> None:
+        """Send a command, once a server is visible, which it must be within `timeout` seconds.
+
+        Raises Unreachable, and what sending raises; ScoutError and HostUnreachable if the server is on another host.
+        """
+        if channel.via:
+            far.asked(channel, values, deadline)
+            return
+        outlet, call = self.outlet(channel)
+        try:
+            if not outlet.wait_peer(timeout):
+                raise Unreachable(f"no component serves {channel.name}")
+            outlet.send(call.encode(values), deadline)
+        finally:
+            outlet.close()
 
     def outlet(self, channel: Channel) -> tuple[Outlet, Call[Any]]:
         """A link that sends commands or publications, and what encodes them. Publications reach the visible subscribers

@@ -44,6 +44,12 @@ def components(network: Network) -> list[str]:
     return sorted({name for each in network.stock(INTERFACE) if (name := _instance(each))})
 
 
+def hosts(network: Network) -> dict[str, str]:
+    """The hosts of those instances which are on another one, by their whole names."""
+    found = {_instance(each): end.host for each in network.stock(INTERFACE) for end in each.providers}
+    return {name: host for name, host in found.items() if host}
+
+
 def describe(access: Access, network: Network, component: str, deadline: float = DEADLINE) -> Description | None:
     """What a component is, by its whole name; None if it does not tell."""
     return _ask(access, network, component, "describe", Description, deadline)

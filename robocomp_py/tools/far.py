@@ -1,4 +1,4 @@
-"""Topics of other hosts, as their scouts hear them. What they tell comes from outside, and is checked."""
+"""Topics and queries of other hosts, by their scouts. What they tell comes from outside, and is checked."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from ..errors import RobocompError
+from ..wire import json
+from .network import Channel
 from .posts import Message as Answer
 from .posts import Post, ScoutError
+from .thrown import ThrownError
 from .traffic import Arrival
+
+_SPARE = 10.0
+"""Seconds beyond its deadline in which the outcome of a call has come from its host."""
 
 
 class Message(NamedTuple):
@@ -44,11 +50,10 @@ class Far:
         self.error: RobocompError | None = None
         """What went wrong."""
 
-    def following(self, post: Post, names: Sequence[str]) -> AbstractContextManager[Any]:
+    def following(self, post: Post, topics: Sequence[Channel]) -> AbstractContextManager[Any]:
         """While entered, these topics are heard on the host of this scout."""
-        self._published.update(dict.fromkeys(names, False))
-        answer = partial(self._answer, post.host)
-        return post.following("hear", answer, channels=list(names), full=self._full)
+        self._published.update(dict.fromkeys((each.name for each in topics), False))
+        return post.following("hear", partial(self._answer, post.host), **_named(topics), full=self._full)
 
     def presences(self) -> list[tuple[str, bool]]:
         """The topics, and whether something publishes them now."""
@@ -76,8 +81,9 @@ class FarArrivals:
         self._take = take
         self.error: RobocompError | None = None
 
-    def following(self, post: Post, names: Sequence[str]) -> AbstractContextManager[Any]:
-        return post.following("arrivals", _Clocked(self, post.host, frozenset(names), self._take), channels=list(names))
+    def following(self, post: Post, topics: Sequence[Channel]) -> AbstractContextManager[Any]:
+        names = frozenset(each.name for each in topics)
+        return post.following("arrivals", _Clocked(self, post.host, names, self._take), **_named(topics))
 
     def presences(self) -> list[tuple[str, bool]]:
         return []
@@ -109,8 +115,42 @@ class _Clocked:
                 self._far.error = self._far.error or ended(self._host, answer)
 
 
+def _named(topics: Sequence[Channel]) -> dict[str, Any]:
+    """What a question for topics has."""
+    used = dict.fromkeys(middleware for each in topics for middleware in each.middlewares)
+    return {"channels": [each.name for each in topics], "middlewares": list(used)}
+
+
 def ended(host: str, answer: Answer | RobocompError) -> RobocompError | None:
     """What an answer that is not expected means; None if it is to be ignored."""
     if isinstance(answer, RobocompError):
         return answer
     return ScoutError(f"{host}: {answer['error']}") if "error" in answer else None
+
+
+def asked(channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
+    """Have the scout of a channel call its query; returns the outputs. A command has none.
+
+    Raises ThrownError, and ScoutError if the call fails otherwise.
+    """
+    assert channel.via
+    operation = channel.operation
+    arguments = json.shown(operation.inputs, values)
+    answer, *_ = channel.via.ask(
+        "call",
+        deadline + _SPARE,
+        channel=channel.name,
+        middlewares=channel.middlewares,
+        arguments=arguments,
+        within=deadline,
+    ) or ({},)
+    try:
+        match answer:
+            case {"result": result}:
+                return json.taken(operation.outputs, result, operation.name)
+            case {"thrown": str(name), "fields": fields}:
+                kind = next(each for each in operation.raises if each.name == name)
+                raise ThrownError(kind, json.taken(kind.all_fields, fields, name))
+    except (ValueError, StopIteration) as exc:
+        raise ScoutError(f"{channel.via.host}: the answer of its scout is not understood: {exc}") from exc
+    raise ScoutError(f"{channel.via.host}: its scout gives no answer")

@@ -6,6 +6,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "census", "middlewares": ["shm"]}    all ends of channels; without middlewares, of all that can tell
     {"id": 1, "do": "hear", "channels": […]}             messages of these topics; with "full": true, not shortened
     {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
+    {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
+                                                         call a query, or send a command
     {"id": 1, "do": "cease"}                             end the question with this number
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
@@ -15,6 +17,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "presence": ["…", false]}                  a topic, and whether something publishes it now
     {"id": 1, "arrivals": [[…]], "now": 12.5}            channel, time by the clock of `now`, octets, source, number,
                                                          age (or null) of each message
+    {"id": 1, "result": {…}}                             what a query has answered
+    {"id": 1, "thrown": "…", "fields": {…}}              the declared exception that it has raised
     {"id": 1, "error": "…"}                              a sentence for people
     {"id": 1, "end": true}                               the last answer to a question
 """
@@ -27,19 +31,22 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
+from ..contract.interface import Pattern
 from ..errors import RobocompError
 from ..threads import start_thread
+from ..wire import json as values
+from .access import Access, ThrownError
 from .census import take_census, take_each
-from .network import Channel, End
+from .network import Channel, End, Network
 from .traffic import Arrival
 
 LONGEST = 512 * 1024
 """Octets of a line."""
 
-MOST = 16
+MOST = 32
 """Questions that are answered at a time."""
 
 _ENDS = 200
@@ -47,6 +54,9 @@ _ENDS = 200
 
 _TOGETHER = 1000
 """Arrivals in one line, at most."""
+
+_RECENT = 1.0
+"""Seconds for which a census is used again by calls."""
 
 _LOOK = 0.1
 """Seconds between two looks at whether a question is to end."""
@@ -67,6 +77,7 @@ class Scout:
         self._lock = threading.Lock()
         self._asked: dict[int, tuple[threading.Thread, threading.Event]] = {}
         """By the number of a question: its thread, and whether it is to end."""
+        self._place = _Place()
 
     def ask(self, question: Message) -> None:
         """Answer a question soon. One that is not understood gets an error."""
@@ -95,12 +106,13 @@ class Scout:
             asked = list(self._asked.values())
         for _, over in asked:
             over.set()
+        self._place.access.__exit__()  # which ends the calls that wait
         for thread, _ in asked:
             thread.join()
 
     def _run(self, number: int, deed: _Deed, question: Message, over: threading.Event) -> None:
         try:
-            deed(question, lambda **said: self._answer(number, **said), over)
+            deed(self._place, question, lambda **said: self._answer(number, **said), over)
         except (RobocompError, ValueError, TypeError, KeyError) as exc:
             self._answer(number, error=str(exc) or repr(exc))
         finally:
@@ -113,17 +125,38 @@ class Scout:
             self._tell({"id": number, **said})
 
 
-_Deed = Callable[[Message, Answer, threading.Event], None]
+class _Place:
+    """What a scout uses of its host for its calls."""
+
+    def __init__(self) -> None:
+        self.access = Access()
+        self._lock = threading.Lock()
+        self._seen: dict[tuple[str, ...], tuple[float, Network]] = {}
+
+    def channel(self, name: str, middlewares: Sequence[str]) -> Channel:
+        """A channel by its whole name, by a census that is not older than a second. Raises ValueError."""
+        key = tuple(middlewares)
+        with self._lock:
+            at, network = self._seen.get(key, (0.0, None))
+            if network is None or name not in network.channels or time.monotonic() - at > _RECENT:
+                network = take_census(middlewares, own=True)
+                self._seen = {key: (time.monotonic(), network)}
+        if name not in network.channels or not network.channels[name].providers:
+            raise ValueError(f"no component serves {name}")
+        return network.channels[name]
 
 
-def _census(question: Message, answer: Answer, over: threading.Event) -> None:
-    ends, tellers, troubles = take_each([str(each) for each in question.get("middlewares") or ()])
+_Deed = Callable[[_Place, Message, Answer, threading.Event], None]
+
+
+def _census(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    ends, tellers, troubles = take_each(_middlewares(question))
     for part in parts_of(ends):
         answer(**part)
     answer(tellers=tellers, troubles=troubles)
 
 
-def _hear(question: Message, answer: Answer, over: threading.Event) -> None:
+def _hear(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     from .shortening import shortened
     from .tap import tap
 
@@ -145,7 +178,25 @@ def _hear(question: Message, answer: Answer, over: threading.Event) -> None:
                     answer(presence=[channel, is_published])
 
 
-def _arrivals(question: Message, answer: Answer, over: threading.Event) -> None:
+def _call(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    channel = place.channel(str(question["channel"]), _middlewares(question))
+    operation, deadline = channel.operation, float(question["within"])
+    values_ = values.taken(operation.inputs, question["arguments"], operation.name)
+    if channel.pattern is Pattern.COMMAND:
+        place.access.send(channel, values_, deadline, deadline)
+        answer(result={})
+        return
+    try:
+        answer(result=values.shown(operation.outputs, place.access.ask_again(channel, values_, deadline)))
+    except ThrownError as exc:
+        answer(thrown=exc.kind.name, fields=values.shown(exc.kind.all_fields, exc.values))
+
+
+def _middlewares(question: Message) -> list[str]:
+    return [str(each) for each in question.get("middlewares") or ()]
+
+
+def _arrivals(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     from .tap import arrivals
 
     waiting: list[list[Any]] = []
@@ -164,11 +215,11 @@ def _arrivals(question: Message, answer: Answer, over: threading.Event) -> None:
 
 def _topics(question: Message) -> list[Channel]:
     """The topics that a question names whole. Raises ValueError."""
-    network = take_census([str(each) for each in question.get("middlewares") or ()], own=True)
+    network = take_census(_middlewares(question), own=True)
     return [network.topic(str(name)) for name in question["channels"]]
 
 
-_DEEDS: Mapping[str, _Deed] = {"census": _census, "hear": _hear, "arrivals": _arrivals}
+_DEEDS: Mapping[str, _Deed] = {"census": _census, "hear": _hear, "arrivals": _arrivals, "call": _call}
 
 
 def parts_of(ends: Iterable[End]) -> Iterator[dict[str, Any]]:

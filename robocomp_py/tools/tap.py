@@ -251,10 +251,10 @@ class _Subscriptions:
         self._topics = [each for each in topics if each.via is None]
         self._take, self._decoders, self._resumed = take, decoders, resumed
         self._latched, self._far = latched, far
-        self._posts: dict[Post, list[str]] = {}
+        self._posts: dict[Post, list[Channel]] = {}
         for each in topics:
             if each.via:
-                self._posts.setdefault(each.via, []).append(each.name)
+                self._posts.setdefault(each.via, []).append(each)
         self._following = contextlib.ExitStack()
         self._access: Access | None = None
         self._links: dict[str, Link] = {}
@@ -310,8 +310,8 @@ class _Subscriptions:
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
             self._decoders[topic.name] = _decoder(topic, heard.codec)
             self._links[topic.name] = heard.link
-        for post, names in self._posts.items():
-            self._following.enter_context(self._far.following(post, names))
+        for post, there in self._posts.items():
+            self._following.enter_context(self._far.following(post, there))
 
     def _silence(self) -> None:
         self._following.close()

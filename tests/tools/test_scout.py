@@ -15,12 +15,13 @@ import pytest
 
 from robocomp_py.cli import rc
 from robocomp_py.cli.common import UNREACHABLE, USAGE
+from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import HostUnreachable
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import scout
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.far import Far
-from robocomp_py.tools.network import End
+from robocomp_py.tools.network import Channel, End
 from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.transports.base import find_transport
@@ -29,7 +30,7 @@ from robocomp_py.transports.census import Told
 from ..runtime.components import Calculator
 from ..runtime.test_run import make, running
 from . import elsewhere
-from .test_commands import Talker, said
+from .test_commands import Talker, complained, said
 
 NOWHERE = Post("nowhere", lambda: Direct())
 
@@ -262,8 +263,41 @@ def test_that_a_publisher_ends_is_told(own_runtime_folder: Any, post: Post) -> N
 def test_answers_that_are_not_understood_are_ignored() -> None:
     taken: list[Any] = []
     far = Far(lambda channel, message: taken.append(message.message), taken.append)
-    with far.following(Post("base", Direct), ["a/B/c"]):
+    with far.following(Post("base", Direct), [Channel("a/B/c", Pattern.PUBLISH)]):
         answers: list[Any] = [{}, {"message": 7}, {"message": ["x/B/c", 1, 0, None, None]}, {"presence": ["a/B/c", 7]}]
         for each in (*answers, {"message": ["a/B/c", 5, 0, None, None]}, {"dropped": 3}):
             far._answer("base", each)
     assert taken == [5, 3]
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_queries_of_another_host_are_called(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        divide = ("call", "sums/Everything/divide", "dividend=9")
+        assert json.loads(said(capsys, *divide, "divisor=4", *THERE)) == {"ret": 2, "remainder": 1}
+        assert "division by zero" in complained(capsys, *divide, "divisor=0", *THERE)
+        assert "lacks `divisor`" in complained(capsys, *divide, *THERE, code=USAGE)
+
+
+@pytest.mark.usefixtures("talker")
+def test_commands_are_sent_to_another_host(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        said(capsys, "call", "talker/Everything/poke", "number=7", *THERE)
+        wait_until(lambda: "poked 7" in talker.entries)
+
+
+def test_calls_that_fail_there_have_the_reason_of_their_scout(post: Post) -> None:
+    with pytest.raises(ScoutError, match="no component serves sums/Everything/divide"):
+        post.ask("call", SOON, channel="sums/Everything/divide", middlewares=["shm"], arguments={}, within=1)
+    with pytest.raises(ScoutError, match="channel"):
+        post.ask("call", SOON, middlewares=["shm"])
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_components_of_another_host_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        (one,) = map(json.loads, said(capsys, "top", "sums", "--once", "--json", *THERE).splitlines())
+        assert (one["component"], one["host"], one["pid"]) == ("sums", "base", os.getpid())
+        heads, row, *_ = said(capsys, "top", "--once", *THERE).splitlines()
+        assert heads.split()[:3] == ["component", "host", "state"]
+        assert row.split()[:3] == ["sums", "base", "compute"]

@@ -152,8 +152,20 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     run.says("all 2 components")
     found = [json.loads(line) for line in site.rc("list", "--json").lines]
     assert [(each["owner"], each["host"]) for each in found] == [("echo", "robot"), ("other", "base")]
+    heard = [json.loads(line) for line in site.rc("echo", "other/Tick", "-n", "2", "--json").lines]
+    assert heard[1]["message"]["number"] == heard[0]["message"]["number"] + 1
+    assert site.rc("call", "other/Echo/twice", "value=21").text == "42"
+    measured = [json.loads(line) for line in site.rc("top", "--once", "--json").lines]
+    assert {(each["component"], each["host"]) for each in measured} == {("echo", "robot"), ("other", "base")}
+    site.hosts["base"].partition()
+    run.says("base.* (out of reach|lost)")
+    lost = site.rc("list")
+    assert lost.code == 3, lost.text
+    assert "base" in lost.text
+    assert "echo" in lost.text
+    site.hosts["base"].heal()
     run.signal(signal.SIGINT)
-    assert run.code == 130, run.text
+    assert run.code == 3, run.text
     gone(site, "robot", "base")
 
 
