@@ -160,10 +160,13 @@ class DiaryReader:
         self._recording = Recording(path)
         self._events = self._read()
         self._next: Event | None = None
-        start = self.take()
-        if start is None or start["kind"] != "start":
+        try:
+            start = self.take()
+            if start is None or start["kind"] != "start":
+                raise RecordingError(f"{path}: this is no diary; `rcdeploy --diary COMPONENT` writes one")
+        except BaseException:
             self.close()
-            raise RecordingError(f"{path}: this is no diary; `rcdeploy --diary COMPONENT` writes one")
+            raise
         self.start = start
 
     def __enter__(self) -> DiaryReader:
