@@ -60,9 +60,13 @@ class Model:
 
 def generate(model: Model) -> tuple[Artifact, ...]:
     """All files of a component: its generic part, and the files that are written once."""
-    generic = {path: Artifact(PurePosixPath(path), text) for path, text in _generic(model).items()}
-    specific = [Artifact(PurePosixPath(path), text, Owner.USER) for path, text in _specific(model).items()]
-    return (*generic.values(), *specific)
+    specific = (Artifact(PurePosixPath(path), text, Owner.USER) for path, text in _specific(model).items())
+    return (*generate_generic(model), *specific)
+
+
+def generate_generic(model: Model) -> tuple[Artifact, ...]:
+    """The generic part of a component."""
+    return tuple(Artifact(PurePosixPath(path), text) for path, text in _generic(model).items())
 
 
 def generate_module(module: Module, ports: Sequence[Port] = (), siblings: Sequence[str] = ()) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from ..contract.types import Primitive
 from .layout import WIDTH
-from .linting import excused
+from .linting import excused, parsed
 
 MARK = "# imports\n"
 """Placeholder for the imports in a template."""
@@ -97,13 +97,13 @@ def import_from(source: str, names: Sequence[str]) -> str:
 
 def used_names(text: str) -> set[str]:
     """The names that a text uses from the scope of its module."""
-    return set(_used(ast.parse(text)))
+    return set(_used(parsed(text)))
 
 
 def bound_names(text: str) -> list[str]:
     """The names that a text binds in the scope of its module, in order."""
     found: list[str] = []
-    for node in ast.parse(text).body:
+    for node in parsed(text).body:
         match node:
             case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
                 found += [alias.asname or alias.name for alias in aliases]

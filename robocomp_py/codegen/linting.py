@@ -11,20 +11,29 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 from .layout import WIDTH
 
 _UNUSED = "RUF100"
 _CONFUSING = ("l", "O", "I")
+_CONFUSING_WORD = re.compile(rf"\b[{''.join(_CONFUSING)}]\b")
 _MODULE = re.compile(r"[a-z_][a-z0-9_]*")
 _LOWER_ALIAS = re.compile(r"_?[a-z0-9]")
+
+
+@lru_cache(maxsize=2)
+def parsed(text: str) -> ast.Module:
+    """The syntax of a text, which several steps look at, one after the other. None may change it."""
+    return ast.parse(text)
 
 
 def excused(text: str) -> str:
     """The text with comments on the lines that break a rule."""
     lines = text.splitlines()
     reasons: dict[int, set[str]] = {}
-    for node in ast.walk(ast.parse(text)):
+    may_break = max(map(len, lines), default=0) > WIDTH or _CONFUSING_WORD.search(text)
+    for node in ast.walk(parsed(text)) if may_break else ():
         match node:
             case ast.arg(arg=name) | ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
                 rule = "E741"
@@ -55,7 +64,7 @@ def excused_file(text: str, module: str) -> str:
 def _whole_file(text: str, module: str) -> Iterator[str]:
     if not _MODULE.fullmatch(module):
         yield "N999"  # the module has the name of its IDSL module
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(parsed(text)) if "TypeAlias" in text or "_field" in text else ():
         match node:
             case ast.AnnAssign(target=ast.Name(id=name), annotation=ast.Name(id="TypeAlias")):
                 yield "UP040"  # `type X = …` needs Python 3.12

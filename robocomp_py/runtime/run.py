@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from .. import installed
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.parameters import build
 from ..contract.statemachine import label
@@ -668,6 +669,7 @@ def _name(hook: Callable[[], object]) -> str:
     return getattr(hook, "__qualname__", None) or repr(hook)
 
 
+@installed.asked_once()
 def main(
     worker_class: type[Worker[Any]],
     arguments: Sequence[str] | None = None,

@@ -19,6 +19,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from .. import installed
 from ..errors import ComponentError, ConfigurationError
 from ..spelling import unknown
 from ..threads import NO_THREAD, start_thread
@@ -225,6 +226,7 @@ class Together:
         )
 
 
+@installed.asked_once()
 def main(parts: Sequence[Part], missed: Callable[[], int] = lambda: 0) -> int:
     """Run components together, as a program. Returns the exit code; for `missed` see `run.main`."""
     options = [_options(worker_class, arguments) for worker_class, arguments in parts]

@@ -19,13 +19,12 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
-from functools import partial
+from functools import cached_property, partial
 
 from ..contract.interface import Pattern
 from ..errors import Closed, ConfigurationError, Timeout, Unreachable
 from ..wire.codec import Codec, Payload
 from ..wire.header import random_id
-from ..wire.identity import Identity
 from .base import (
     ANY_QOS,
     Channel,
@@ -78,7 +77,6 @@ class InprocTransport(BusTransport):
     def __init__(self, config: TransportConfig) -> None:
         options = options_of(config, bus="default", hand_over=False)
         super().__init__(_BUSES[options["bus"]])
-        self.codec: Codec = Identity()
         self.hand_over = options["hand_over"]
         if type(self.hand_over) is not bool:
             raise ConfigurationError(f"transport option `hand_over` is true or false, not {self.hand_over!r}")
@@ -89,6 +87,12 @@ class InprocTransport(BusTransport):
         """Whether the receiving thread is about to check for overdue calls."""
         self._threads = LeaderFollowers("inproc", self._receive, wake=lambda: self._work.put(_nothing))
         self._threads.start()
+
+    @cached_property
+    def codec(self) -> Codec:
+        from ..wire.identity import Identity  # it needs numpy, and whether this transport is there is asked without it
+
+        return Identity()
 
     @property
     def idle(self) -> bool:

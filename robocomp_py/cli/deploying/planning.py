@@ -97,7 +97,7 @@ def _check_generated(options: argparse.Namespace, workspace: Workspace, progress
 
 def _outdated(linked: LinkedComponent) -> list[str]:
     from ... import __version__
-    from ...codegen.generate import GenerationError, Model, Owner, generate
+    from ...codegen.generate import GenerationError, Model, generate_generic
     from ...codegen.write import compare
     from ...contract.middleware import AUTO
     from ...deploy.routes import generated_for
@@ -110,7 +110,9 @@ def _outdated(linked: LinkedComponent) -> list[str]:
         if f" by rcgen {__version__}:" not in first:
             return []  # another version generates other text from the same models, so a comparison means nothing
         middleware = generated_for(folder) or AUTO
-        artifacts = generate(Model(linked.component, linked.modules, linked.path.name, linked.params, middleware))
-        return compare([each for each in artifacts if each.owner is Owner.GENERATOR], folder).lines(folder)
+        artifacts = generate_generic(
+            Model(linked.component, linked.modules, linked.path.name, linked.params, middleware)
+        )
+        return compare(artifacts, folder).lines(folder)
     except (OSError, GenerationError) as exc:
         return [str(exc)]

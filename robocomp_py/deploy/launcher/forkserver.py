@@ -43,6 +43,7 @@ PROGRAM = "robocomp_py.cli.rc"
 _NEEDED = (
     *(PROGRAM, "robocomp_py.cli.run"),
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "records", "run", "together")),
+    "robocomp_py.wire.identity",
     "numpy.random",
     "subprocess",
 )
