@@ -13,8 +13,8 @@ import hashlib
 import math
 import struct
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Literal, TypeVar
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
@@ -68,6 +68,24 @@ _logging.set()
 
 class SimulationError(RobocompError):
     """Physics has no result for a scene: its state is no longer one that could be."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saved:
+    """The state of a world at a moment; see `World.save`."""
+
+    world: World
+
+
+class Contact(NamedTuple):
+    """Two shapes that touch."""
+
+    one: str
+    other: str
+    force: float
+    """With which they press on each other, N."""
+    position: Array
+    """Seen from the root, shape (3,), mm."""
 
 
 class World:
@@ -154,11 +172,34 @@ class World:
         made = object.__new__(World)
         made.__dict__.update(self.__dict__)
         made._data = mujoco.MjData(self._scene.model)
-        mujoco.mj_copyData(made._data, self._scene.model, self._data)
-        made._drives = {name: replace(drive) for name, drive in self._drives.items()}
-        made._motors, made._noise, made._shown = dict(self._motors), dict(self._noise), dict(self._shown)
-        made._inertias = dict(self._inertias)
+        made._take(self)
         return made
+
+    def save(self) -> Saved:
+        """Keep the state of now, for `restore`. It takes as much memory as a copy, for as long as it is held."""
+        return Saved(self.copy())
+
+    def restore(self, saved: Saved) -> None:
+        """Go on from a saved state: with the same commands, it ends in the same bits again.
+
+        A state may be restored many times. Raises ValueError for the state of a world that is not this one or a copy
+        of it.
+        """
+        if saved.world._scene is not self._scene:
+            raise ValueError("the saved state is that of another scene")
+        self._take(saved.world)
+
+    def _take(self, other: World) -> None:
+        """Take over the whole state of a world with the same scene.
+
+        The data are copied whole: a vector of the state does not tell which bodies sleep.
+        """
+        mujoco.mj_copyData(self._data, self._scene.model, other._data)
+        self._ticks, self._seed, self._physics = other._ticks, other._seed, other._physics
+        self._has_speeds = other._has_speeds
+        self._drives = {name: replace(drive) for name, drive in other._drives.items()}
+        self._motors, self._noise, self._shown = dict(other._motors), dict(other._noise), dict(other._shown)
+        self._inertias = dict(other._inertias)
 
     @property
     def tick(self) -> float:
@@ -419,6 +460,34 @@ class World:
         self._update_speeds()
         return truth(self._scene.model, self._data, found)
 
+    def contacts(self) -> list[Contact]:
+        """What touches, and how hard, while physics is on: in the last tick, and of bodies that sleep, now."""
+        found = [self._contact(self._data, number) for number in self._pressing(self._data)]
+        if self._physics and (self._data.tree_asleep >= 0).any():
+            awake = mujoco.MjData(self._scene.model)
+            awake.qpos[:] = self._data.qpos
+            mujoco.mj_forward(self._scene.model, awake)
+            trees = self._scene.model.body_treeid[self._scene.model.geom_bodyid[awake.contact.geom]]
+            sleeps = (self._data.tree_asleep[trees] >= 0) | (trees < 0)
+            found += [self._contact(awake, number) for number in self._pressing(awake) if sleeps[number].all()]
+        return sorted(found, key=lambda each: (each.one, each.other))
+
+    def touching(self) -> list[tuple[str, str]]:
+        """The pairs of shapes that touched in the last tick, each once; without those of bodies that sleep."""
+        shapes = self._scene.shapes
+        pairs = {tuple(pair) for pair in self._data.contact.geom[self._pressing(self._data)].tolist()}
+        return sorted((min(shapes[a], shapes[b]), max(shapes[a], shapes[b])) for a, b in pairs)
+
+    def distance(self, one: str, other: str) -> float:
+        """The least distance of the shapes at or below two nodes, mm; less than 0: they overlap. A mesh is its hull.
+
+        Raises InnerModelError for a node that is not there, or has no shapes.
+        """
+        model, data = self._scene.model, self._data
+        mine, others = self._shapes_of(one), self._shapes_of(other)
+        found = min(mujoco.mj_geomDistance(model, data, a, b, _FARTHEST, None) for a in mine for b in others)
+        return float(found) * 1000.0
+
     # How it goes on.
 
     def step(self, count: int = 1) -> None:
@@ -549,6 +618,30 @@ class World:
         if not self._has_speeds:
             update_speeds(self._scene.model, self._data)
             self._has_speeds = True
+
+    def _pressing(self, data: mujoco.MjData) -> list[int]:
+        """The numbers of contacts that have a force."""
+        if not self._physics or not data.ncon:
+            return []
+        return np.flatnonzero(data.contact.efc_address >= 0).tolist()
+
+    def _contact(self, data: mujoco.MjData, number: int) -> Contact:
+        contact, pressed = data.contact[number], np.empty(6)
+        mujoco.mj_contactForce(self._scene.model, data, number, pressed)
+        one, other = sorted(self._scene.shapes[each] for each in contact.geom)
+        return Contact(one, other, float(np.linalg.norm(pressed[:3])), axes.position_from_simulation(contact.pos))
+
+    def _shapes_of(self, name: str) -> list[int]:
+        """The geoms at or below a node."""
+        _known("node", name, self._scene.frames)
+        below, waiting = set(), [name]
+        while waiting:
+            below.add(waiting[-1])
+            waiting += self._tree.node(waiting.pop()).children
+        found = [number for number, shape in enumerate(self._scene.shapes) if shape in below]
+        if not found:
+            raise InnerModelError(f"`{name}` has no shapes, so it has no distance from anything")
+        return found
 
     def _matrix(self, name: str) -> Array:
         frame = _known("node", name, self._scene.frames)
