@@ -122,6 +122,11 @@ def wrap(proxy: Proxy, wrapper: Callable[[Any], W]) -> dict[str, W]:
     return wrapped
 
 
+def has_subscribers(proxy: Proxy) -> bool:
+    """Whether a publication by a proxy may reach a subscriber. Fast enough to be asked before each message is made."""
+    return any(each.has_subscribers for each in proxy._bound.values() if not isinstance(each, BoundQuery))
+
+
 class Answer(Future[R]):
     """The Future of an asynchronous call, which is done within the deadline of the call.
 
@@ -410,6 +415,10 @@ class FanOut:
         if failed:
             raise failed
 
+    @property
+    def has_subscribers(self) -> bool:
+        return any(way.has_subscribers for way in self._ways)
+
     def _needed(self) -> list[BoundSend]:
         """The middlewares with subscribers, or the first if there are none."""
         return [way for way in self._ways if way.has_subscribers] or list(self._ways[:1])
@@ -421,6 +430,10 @@ class WatchedSend:
     def __init__(self, way: BoundSend | FanOut, watched: Watched, channel: str) -> None:
         self._way, self._heard, self._channel = way, watched.heard, channel
         watched.publishes(channel)
+
+    @property
+    def has_subscribers(self) -> bool:
+        return self._way.has_subscribers
 
     @property
     def loans(self) -> Loans:

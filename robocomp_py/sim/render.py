@@ -7,6 +7,7 @@ system.
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -41,7 +42,7 @@ class Picture(NamedTuple):
     depths: Depths
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class View:
     """The state of a world, as far as pictures depend on it. It does not change when the world goes on."""
 
@@ -55,9 +56,19 @@ class View:
     shown: Mapping[str, Pixels]
     """What displays show, by their ids."""
 
+    def is_like(self, other: View) -> bool:
+        """Whether the pictures of both are the same."""
+        return (
+            self.scene is other.scene
+            and (self.seed, self.ticks, self.noise) == (other.seed, other.ticks, other.noise)
+            and np.array_equal(self.positions, other.positions)
+            and self.shown.keys() == other.shown.keys()
+            and all(pixels is other.shown[name] for name, pixels in self.shown.items())
+        )
+
 
 class Renderer:
-    """Draws views of a world. One thread uses it, from the first picture to `close`.
+    """Draws views of a world. One thread uses it at a time.
 
     OpenGL starts with the first picture. The model that is drawn is made anew when the structure of the world, or the
     size of what a display shows, has changed.
@@ -109,9 +120,9 @@ class _Stage:
         self._shown = dict(view.shown)
         self._lenses = {name: lens_of(view.scene.tree.node(name)) for name in self._drawn.cameras}
         self._context = _opened(model.vis.global_.offwidth, model.vis.global_.offheight)
-        self._context.make_current()
-        self._pen = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._pen)
+        with self._context.as_current():
+            self._pen = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._pen)
         self._pen.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._seen = mujoco.MjvScene(model=model, maxgeom=model.ngeom + 100)
         for flag in ("SHADOW", "REFLECTION", "SKYBOX", "FOG", "HAZE"):
@@ -127,7 +138,10 @@ class _Stage:
     def picture(self, view: View, camera: str, colours: Pixels | None, depths: Depths | None) -> Picture:
         if camera not in self._drawn.cameras:
             raise InnerModelError(unknown("camera", camera, self._drawn.cameras))
-        self._context.make_current()
+        with self._context.as_current():
+            return self._drawn_by(view, camera, colours, depths)
+
+    def _drawn_by(self, view: View, camera: str, colours: Pixels | None, depths: Depths | None) -> Picture:
         self._follow(view)
         self._camera.fixedcamid = self._drawn.cameras[camera]
         every = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -165,8 +179,8 @@ class _Stage:
         self._view = view
 
     def close(self) -> None:
-        self._context.make_current()
-        self._pen.free()
+        with self._context.as_current():
+            self._pen.free()
         self._context.free()
 
 
@@ -190,6 +204,7 @@ def chosen(wanted: str, egl: Callable[[], bool], osmesa: Callable[[], bool]) -> 
 def _opened(width: int, height: int) -> Any:
     """A new context of OpenGL."""
     name = chosen(os.environ.get("MUJOCO_GL", ""), has_egl, has_osmesa)
+    logging.getLogger("OpenGL").setLevel(logging.WARNING)  # it tells which accelerator it does not have
     os.environ["MUJOCO_GL"] = name  # libmujoco reads it when it looks for the functions of OpenGL
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext

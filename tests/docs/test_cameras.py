@@ -12,4 +12,4 @@ from .reader import follow
 
 @pytest.mark.tool  # OpenGL
 def test_the_page_works_as_written(tmp_path: Path) -> None:
-    assert follow(DOCS / "guides" / "cameras.md", tmp_path) == 3
+    assert follow(DOCS / "guides" / "cameras.md", tmp_path) == 10

@@ -25,7 +25,7 @@ from robocomp_py.errors import Closed, EncodeError, Timeout, TransportError
 from robocomp_py.runtime.calls import Call
 from robocomp_py.runtime.loans import Loans, Memory, Shape
 from robocomp_py.runtime.monitor import Monitor
-from robocomp_py.runtime.ports import Proxy, Route, bind_proxy
+from robocomp_py.runtime.ports import Proxy, Route, bind_proxy, has_subscribers
 from robocomp_py.testing.everything import Arrays
 from robocomp_py.transports.base import Capability, Channel, Statistics
 from robocomp_py.wire.cdr import Cdr
@@ -437,6 +437,16 @@ def test_loaned_memory_without_subscribers_is_given_back() -> None:
         filled.pixels[:] = 3
         lending.has_subscribers = False
     assert (len(plain.sent), lending.sent, lending.given_back) == (1, [], 1)
+
+
+def test_a_publisher_has_subscribers_if_one_of_its_ways_has_or_cannot_tell() -> None:
+    one, other = Lending(), Lending()
+    proxy = publisher((Cdr(ROOM), one), (Cdr(ROOM), other))
+    one.has_subscribers = False
+    assert has_subscribers(proxy)
+    other.has_subscribers = False
+    assert not has_subscribers(proxy)
+    assert has_subscribers(publisher((MessagePack(), Plain())))
 
 
 def test_no_memory_is_loaned_without_subscribers() -> None:

@@ -12,8 +12,13 @@ INTERFACES = {
     "laser": ("Laser", "LaserPub"),
     "differentialrobot": ("DifferentialRobot", "DifferentialRobotPub"),
     "omnirobot": ("OmniRobot",),
+    "rgbd": ("RGBD", "CameraRGBDSimple", "CameraRGBDSimplePub", "CameraSimple", "CameraSimplePub"),
+    "camera": ("CameraSimple", "CameraSimplePub"),
+    "display": ("Display",),
 }
 """The interfaces of a device, by the tag of its node. Those that end in `Pub` are published."""
+
+BASES = ("differentialrobot", "omnirobot")
 
 MOTORS = ("JointMotor", "JointMotorPub")
 """The interfaces of the joints of one port."""
@@ -41,14 +46,14 @@ def motors(tree: Tree) -> dict[str, list[str]]:
 def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
     """The interfaces by the name of each instance: the ids of devices in the order of the file, then groups of joints.
 
-    A laser without rays has none.
+    A laser without rays has none, nor has a camera without a width.
 
     Raises InnerModelError for an id that cannot be the name of an instance.
     """
     found: dict[str, tuple[str, ...]] = {}
     for name in tree.ids:
         node = tree.node(name)
-        if node.tag in INTERFACES and node.values.get("measures") != 0:
+        if node.tag in INTERFACES and node.values.get("measures") != 0 and node.values.get("width") != 0:
             if not is_segment(name):
                 raise InnerModelError(
                     f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`", node=name
@@ -64,9 +69,30 @@ def left_out(tree: Tree) -> dict[str, list[str]]:
         node = tree.node(name)
         if node.tag == "laser" and node.values["measures"] == 0:
             found.setdefault("laser without `measures`", []).append(name)
+        elif node.values.get("width") == 0:
+            found.setdefault(f"{node.tag} without `width`", []).append(name)
         elif node.tag in _DEVICES and node.tag not in INTERFACES:
             found.setdefault(node.tag, []).append(name)
     return found
+
+
+def carried_by(tree: Tree, camera: str) -> tuple[str, list[str]]:
+    """The base and the joints whose states come with the pictures of an rgbd.
+
+    They are those that serve its `ifconfig`, which is "port of joints,port of base"; else, the base is that which
+    carries it.
+    """
+    node = tree.node(camera)
+    joints_port, _, base_port = str(node.values.get("ifconfig", "")).partition(",")
+    joints = motors(tree).get(f"joints{joints_port.strip()}", []) if joints_port.strip() else []
+    bases = [name for name in tree.ids if tree.node(name).tag in BASES]
+    for name in bases:
+        if base_port.strip() and str(tree.node(name).values["port"]) == base_port.strip():
+            return name, joints
+    above = camera
+    while above and above not in bases:
+        above = tree.node(above).parent
+    return above, joints
 
 
 def used(found: dict[str, tuple[str, ...]]) -> list[str]:

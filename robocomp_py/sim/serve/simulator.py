@@ -19,18 +19,28 @@ from ...contract.interface import Interface
 from ...errors import ConfigurationError
 from ...innermodel.read import InnerModelError
 from ...innermodel.tree import Tree
+from ...runtime.clock import Real
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
 from ..parameters import PARAMETERS
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .control import Controlled, Progress
 from .lasers import LaserHandler, scanned
 from .motors import JointMotorHandler, states
-from .offers import motors, names_of, offers
+from .offers import carried_by, motors, names_of, offers
 from .pace import Pace
 from .values import filled, operation
 
 try:
     from ..world import World
+    from .cameras import (
+        Camera,
+        CameraPublication,
+        CameraRGBDSimpleHandler,
+        CameraSimpleHandler,
+        DisplayHandler,
+        RGBDHandler,
+    )
+    from .studio import Studio
 except ImportError as exc:
     raise ConfigurationError(f"a scene needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})") from exc
 
@@ -46,6 +56,8 @@ class Simulator(Controlled):
 
     It also has the handlers of Simulation, for a CDSL that implements it, and publishes SimulationPub.
     """
+
+    _studio: Studio | None = None
 
     def initialize(self) -> None:
         """Read the scene, and add its devices. Raises ConfigurationError for a scene that cannot be simulated."""
@@ -67,12 +79,21 @@ class Simulator(Controlled):
         except InnerModelError as exc:
             raise ConfigurationError(_told(exc, tree)) from exc
         self._pace = Pace(self.world.tick, self.now())
+        self._folder = path.parent
+        self._studio = Studio(
+            without_meshes=self.params.without_meshes,
+            suspended=self._suspended if isinstance(self._clock, Real) else None,
+        )
         self._publications: list[Callable[[], None]] = []
         for port in self.component.named:
             instances = getattr(self, port.attribute)
             for name in names_of(port.interface.short, found):
                 if not instances.is_declared(name):
-                    log.info("%s: the network does not declare it; `rc sim offers` prints the lines", name)
+                    log.info(
+                        "%s/%s: the network does not declare it; `rc sim offers` prints the lines",
+                        name,
+                        port.interface.short,
+                    )
                 elif isinstance(instances, NamedHandlers):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
@@ -88,6 +109,11 @@ class Simulator(Controlled):
         self.follow()
         for publish in self._publications:
             publish()
+
+    def finish(self) -> None:
+        """Wait for the picture that is being drawn."""
+        if self._studio:
+            self._studio.close()
 
     def _parameters(self) -> dict[str, dict[str, float]]:
         """What the parameter `bodies` has, by the ids of nodes."""
@@ -116,6 +142,14 @@ class Simulator(Controlled):
                 return DifferentialRobotHandler(self.world, name, interface)
             case "OmniRobot":
                 return OmniRobotHandler(self.world, name, interface)
+            case "CameraSimple":
+                return CameraSimpleHandler(self._camera(name), interface)
+            case "CameraRGBDSimple":
+                return CameraRGBDSimpleHandler(self._camera(name), interface)
+            case "RGBD":
+                return RGBDHandler(self._camera(name), interface)
+            case "Display":
+                return DisplayHandler(self.world, name, self._folder, interface)
             case "JointMotor":
                 joints = {each: self._tree.node(each) for each in self._motors[name]}
                 return JointMotorHandler(self.world, name, joints, interface)
@@ -129,10 +163,19 @@ class Simulator(Controlled):
             case "DifferentialRobotPub":
                 made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
                 return lambda: proxy.pushBaseState(made(state(self.world, name)))
+            case "CameraSimplePub" | "CameraRGBDSimplePub":
+                return CameraPublication(self._camera(name), port, proxy)
             case "JointMotorPub":
                 map_kind = operation(port.interface, "motorStates").inputs[0].type
                 return lambda: proxy.motorStates(states(self.world, self._motors[name], map_kind))
         raise AssertionError(f"`offers` has no {port.interface.short}")
+
+    def _camera(self, name: str) -> Camera:
+        base, joints = carried_by(self._tree, name)
+        number = self.world.cameras.index(name)
+        node = self._tree.node(name)
+        assert self._studio
+        return Camera(self.world, self._studio, node, number, self.now, lambda: self.period, base, tuple(joints))
 
     def _carrier(self, name: str) -> str:
         """The base that carries a node; "" if none does."""
