@@ -293,7 +293,7 @@ def test_a_diary_of_another_format_is_told(tmp_path: Path) -> None:
         old = Writer(file)
         old.start()
         old.add_message(old.register_channel("/diary", "json", 0, {"diary": "1"}), 1, b"{}", 1)
-        old.finish()
+        old.finish()  # type: ignore[no-untyped-call]  # the library's
     with pytest.raises(RecordingError, match=r"another version of robocomp-py has written this diary \(format 1\)"):
         again(Thinker, path)
 
