@@ -7,6 +7,7 @@ import json
 import re
 import sys
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,8 @@ from .completing import What, completed
 from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported
 
 if TYPE_CHECKING:
-    from ..tools.recording.session import Session
+    from ..tools.recording.session import Session, Track
+    from ..tools.recording.tellers import Tellers
     from ..tools.recording.writer import Recorder
 
 NAME = "record"
@@ -26,12 +28,15 @@ _EXAMPLES = f"""\
 examples:
   rc record                                all topics, also those that appear later, until Ctrl-C
   rc record LaserPub world -o run1         only these, into the folder run1
+  rc record GotoPoint --calls --logs       calls of these operations, and what all components log
   rc record --split 1GB --keep 10          a ring: files of 1 GB, of which the last ten are kept
   rc record --compress lz4 --for 60        smaller files; for one minute
   rc record --schema omgidl                with the names of the IDSL, for Foxglove
 
 The folder is a ROS 2 bag: ROS 2, Foxglove, PlotJuggler and rosbags open it. No publisher waits for this command. What a
 slow disk cannot take in time is lost, and counted at the end. `rc bag mend` makes an interrupted recording readable.
+Calls are told by the components that make them, or with --served by those that serve them. Each operation has a topic
+of its calls, as /wander/GotoPoint/go/calls; log records are in /rosout, as in ROS 2.
 
 {EXIT_STATUS}
 """
@@ -55,6 +60,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="end after this time, counted from the first topic",
     )
+    to.add_argument("--calls", action="store_true", help="also queries and commands, with their answers and durations")
+    to.add_argument("--served", action="store_true", help="with --calls: let servers tell, instead of those that call")
+    to.add_argument("--logs", action="store_true", help="also what all components log")
     add_splitting(to)
     add_compress(to)
     to.add_argument("--schema", choices=("ros2msg", "omgidl"), default="ros2msg", help="default: ros2msg")
@@ -87,48 +95,84 @@ def run(options: argparse.Namespace) -> int:
     from ..tools.census import take_census
     from ..tools.recording.bag import Options
     from ..tools.recording.session import Session
+    from ..tools.recording.tellers import Tellers
     from ..tools.recording.writer import Recorder
 
     with reported("rc record") as code:
         if options.keep and not options.split:
             raise ConfigurationError("--keep needs --split, as in `--split 1GB --keep 10`")
+        if options.served and not options.calls:
+            raise ConfigurationError("--served is for --calls")
         octets, seconds = options.split or (None, None)
         how = Options(options.compress, options.schema, octets, seconds, options.keep)
         folder = options.folder or Path(time.strftime("recording-%Y-%m-%d-%H-%M-%S"))
         begun = time.monotonic()
         with Recorder(folder, how) as recorder:
-            session: Session | None = None
+            recording: _Recording | None = None
             try:
                 with Access() as access:
+                    asked = {"calls": options.calls, "logs": options.logs, "served": options.served}
+                    tellers = Tellers(recorder, access, options.topics, _tell, **asked)
                     census = partial(take_census, options.middleware, own=bool(options.topics))
-                    session = Session(recorder, access, census, options.topics, _tell)
-                    _record(session, recorder, options, begun)
+                    session = Session(recorder, access, census, options.topics, _tell, tellers.look)
+                    recording = _Recording(recorder, session, tellers)
+                    try:
+                        _record(recording, options, begun)
+                    finally:
+                        tellers.close()
             finally:
                 recorder.close()
-                if session:
-                    _sum_up(session, recorder, time.monotonic() - begun, as_json=options.json)
+                if recording:
+                    _sum_up(recording, time.monotonic() - begun, as_json=options.json)
         if recorder.error:
             raise recorder.error
         return FINE
     return code()
 
 
-def _record(session: Session, recorder: Recorder, options: argparse.Namespace, begun: float) -> None:
+@dataclass(frozen=True)
+class _Recording:
+    recorder: Recorder
+    session: Session
+    tellers: Tellers
+
+    @property
+    def has_begun(self) -> bool:
+        return bool(self.session.followed or self.tellers.all)
+
+    @property
+    def tracks(self) -> list[Track]:
+        """Of all topics so far."""
+        return [*(each.track for each in self.session.followed), *(track for _, track in self.tellers.tracks)]
+
+    @property
+    def lost(self) -> int:
+        on_their_way = [*(each.lost for each in self.session.followed), *(each.lost for each in self.tellers.all)]
+        return sum(on_their_way) + sum(each.dropped for each in self.tracks)
+
+
+def _record(recording: _Recording, options: argparse.Namespace, begun: float) -> None:
     shown, end = begun, None
-    while not recorder.error:
+    while not recording.recorder.error:
         now = time.monotonic()
         if end and now >= end:
             break
-        session.look()
-        if session.followed and options.seconds and end is None:
+        recording.session.look()
+        if recording.has_begun and options.seconds and end is None:
             end = time.monotonic() + options.seconds
-        if not session.followed and now - begun >= options.timeout:
-            what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
-            raise Absent(f"nothing publishes {what}; `rc list --topics` shows all topics")
+        if not recording.has_begun and now - begun >= options.timeout:
+            raise Absent(_nothing(options))
         if now - shown >= 1 and sys.stderr.isatty():
             shown = now
-            _show(session, recorder, now - begun)
+            _show(recording, now - begun)
         time.sleep(_LOOK)
+
+
+def _nothing(options: argparse.Namespace) -> str:
+    what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
+    told = [f"tells its {each}" for each in ("calls", "logs") if getattr(options, each)]
+    also = f", and no component {' or '.join(told)}" if told else ""
+    return f"nothing publishes {what}{also}; `rc list --topics` shows all topics"
 
 
 def _tell(text: str) -> None:
@@ -139,32 +183,37 @@ _CLEARED = "\r\x1b[K" if sys.stderr.isatty() else ""
 """Clears the line that shows the progress."""
 
 
-def _show(session: Session, recorder: Recorder, seconds: float) -> None:
-    lost = sum(each.lost + each.track.dropped for each in session.followed)
-    messages = sum(each.track.received for each in session.followed)
-    told = f"{seconds:.0f} s, {_topics(len(session.followed))}, {messages} messages, {size(recorder.octets)}"
+def _show(recording: _Recording, seconds: float) -> None:
+    tracks, lost, recorder = recording.tracks, recording.lost, recording.recorder
+    messages = sum(each.received for each in tracks)
+    told = f"{seconds:.0f} s, {_topics(len(tracks))}, {messages} messages, {size(recorder.octets)}"
     waiting = f", {size(recorder.waiting)} wait" if recorder.waiting > 1e6 else ""
     print(f"\r\x1b[K{told}{waiting}{f', {lost} lost' if lost else ''}", end="", file=sys.stderr, flush=True)
 
 
-def _sum_up(session: Session, recorder: Recorder, seconds: float, *, as_json: bool) -> None:
-    topics = []
-    for each in sorted(session.followed, key=lambda each: each.channel.name):
-        track = each.track
-        topics.append(
-            {
-                "channel": each.channel.name,
-                "messages": track.written,
-                "lost": each.lost,
-                "dropped": track.dropped,
-                "unreadable": each.unreadable,
-            }
-        )
+def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
+    recorder = recording.recorder
+    topics = [
+        _told(each.channel.name, each.track, each.lost, each.unreadable)
+        for each in sorted(recording.session.followed, key=lambda each: each.channel.name)
+    ]
+    topics += [_told(name, track, 0, track.malformed) for name, track in sorted(recording.tellers.tracks)]
+    tellers = [
+        {
+            "component": each.component,
+            "tells": each.what,
+            "told": each.told,
+            "lost": each.lost,
+            "unreadable": each.unreadable,
+            "unknown": each.unknown,
+        }
+        for each in recording.tellers.all
+    ]
     if as_json:
-        told = {"folder": str(recorder.folder), "seconds": seconds, "octets": recorder.octets, "topics": topics}
-        print(json.dumps(told), flush=True)
+        told: dict[str, Any] = {"folder": str(recorder.folder), "seconds": seconds, "octets": recorder.octets}
+        print(json.dumps({**told, "topics": topics, "tellers": tellers}), flush=True)
         return
-    messages = sum(each.track.written for each in session.followed)
+    messages = sum(each.written for each in recording.tracks)
     print(
         f"{_CLEARED}{recorder.folder}: {messages} messages of {_topics(len(topics))}, {size(recorder.octets)}, "
         f"{seconds:.1f} s",
@@ -172,6 +221,19 @@ def _sum_up(session: Session, recorder: Recorder, seconds: float, *, as_json: bo
     )
     for told in topics:
         print(f"  {told['channel']}: {told['messages']} messages{_losses(told)}", flush=True)
+    for told in tellers:
+        if losses := _losses(told):
+            print(f"  {told['component']} told {told['told']} {told['tells']}{losses}", flush=True)
+
+
+def _told(name: str, track: Track, lost: int, unreadable: int) -> dict[str, Any]:
+    return {
+        "channel": name,
+        "messages": track.written,
+        "lost": lost,
+        "dropped": track.dropped,
+        "unreadable": unreadable,
+    }
 
 
 def _topics(number: int) -> str:
@@ -183,8 +245,9 @@ def _losses(told: dict[str, Any]) -> str:
         "lost": "lost on their way",
         "dropped": "dropped here, because the disk was too slow or full",
         "unreadable": "not understood",
+        "unknown": "of operations that are not announced",
     }
-    found = [f"{told[name]} {what}" for name, what in parts.items() if told[name]]
+    found = [f"{told[name]} {what}" for name, what in parts.items() if told.get(name)]
     return f"; {', '.join(found)}" if found else ""
 
 

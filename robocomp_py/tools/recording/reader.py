@@ -10,7 +10,7 @@ import contextlib
 import heapq
 import io
 import struct
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
@@ -57,6 +57,8 @@ class RecordedTopic:
     """The contract; None in a recording of another program."""
     problem: str
     """Why messages cannot be decoded here; empty if they can."""
+    called: Operation[Any] | None = field(default=None, repr=False)
+    """The operation that was called, if these are calls; see `recording.calls`."""
 
     @property
     def publisher(self) -> str:
@@ -327,7 +329,16 @@ def recorded_topic(channel: Channel, schema: Schema | None) -> RecordedTopic:
         dict(channel.metadata),
         operation,
         problem,
+        _called(channel.metadata) if operation else None,
     )
+
+
+def _called(metadata: Mapping[str, str]) -> Operation[Any] | None:
+    """The operation whose calls these are."""
+    try:
+        return told.operation(metadata["called"])
+    except (KeyError, ValueError):
+        return None
 
 
 def _printable(text: str) -> str:

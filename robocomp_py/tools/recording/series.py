@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from array import array
 from collections.abc import Collection, Iterator, Sequence
@@ -16,6 +17,7 @@ from ...errors import DecodeError
 from ...fieldpath import steps
 from ..parts import walk
 from .bag import RecordingError
+from .calls import INFO
 from .reader import Recording, named, values_by_topic
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
@@ -65,15 +67,23 @@ def curves(
 def delays(
     recording: Recording, names: Collection[str] | None = None, start: int | None = None, end: int | None = None
 ) -> dict[str, Numbers]:
-    """Seconds from when each message was sent until it was recorded, by topic.
+    """Seconds from when each message was sent until it was recorded, by topic; of calls, how long each took.
 
     Topics whose publishers do not tell when they send have none. Raises RecordingError.
     """
     found = {each: array("d") for each in (recording.topics if names is None else names)}
+    values = values_by_topic(recording)
     for message in recording.messages(names, start, end):
-        if message.publish_time != message.log_time:
+        if message.topic.called is not None:
+            with contextlib.suppress(DecodeError):
+                took = values(message)[0][_TOOK]
+                found[message.topic.name].extend([took] if math.isfinite(took) else [])
+        elif message.publish_time != message.log_time:
             found[message.topic.name].append((message.log_time - message.publish_time) / 1e9)
     return {name: np.array(each) for name, each in found.items()}
+
+
+_TOOK = [each.name for each in INFO.fields].index("took")
 
 
 @dataclass

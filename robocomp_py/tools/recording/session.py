@@ -70,9 +70,12 @@ class Session:
         census: Callable[[], Network],
         wanted: Sequence[str],
         tell: Callable[[str], object],
+        also: Callable[[Network], object] = lambda network: None,
     ) -> None:
-        """`wanted` are names as commands take them; none are all topics. `tell` gets messages for people."""
+        """`wanted` are names as commands take them; none are all topics. `tell` gets messages for people, and `also`
+        each look at the network."""
         self._recorder, self._access, self._census, self._wanted, self._tell = recorder, access, census, wanted, tell
+        self._also = also
         self._followed: dict[tuple[str, int], Followed] = {}
         self._failed: set[tuple[str, str]] = set()
         self._next = 0.0
@@ -86,8 +89,10 @@ class Session:
         begun = time.monotonic()
         if begun < self._next:
             return
-        for channel in chosen(self._census(), self._wanted):
+        network = self._census()
+        for channel in chosen(network, self._wanted):
             self._follow(channel)
+        self._also(network)
         took = time.monotonic() - begun
         self._next = begun + max(_LOOK, 10 * took)
 

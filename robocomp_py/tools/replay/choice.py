@@ -10,6 +10,7 @@ from ...contract.interface import Operation, Pattern
 from ...errors import ConfigurationError
 from ...wire import names
 from ..network import Network
+from ..recording.calls import LOGS
 from ..recording.reader import RecordedTopic, Recording, named
 
 
@@ -78,6 +79,8 @@ def parts_of(recording: Recording, only: Sequence[str], remaps: Iterable[Remap])
             continue
         if topic.operation is None:
             left_out[name] = topic.problem
+        elif topic.called is not None or name == LOGS:
+            left_out[name] = "calls and log records are not sent again"
         elif topic.pattern is Pattern.QUERY:
             left_out[name] = "queries are not replayed"
         elif topic.pattern is Pattern.COMMAND and not only:
