@@ -23,6 +23,8 @@ from .live import (
     awaited,
     positive,
     reported,
+    say,
+    spelled,
 )
 
 if TYPE_CHECKING:
@@ -182,7 +184,7 @@ def _send(options: argparse.Namespace) -> int:
     try:
         taken = values.taken(action.inputs, arguments_of(options.arguments), action.name)
     except ValueError as exc:
-        print(f"rc action send: {exc}", file=sys.stderr)
+        say("rc action send", str(exc))
         return USAGE
     if refused := allowed(offered.start, about, "rc action send", yes=options.yes):
         return refused
@@ -244,7 +246,7 @@ def _print_feedback(
         if options.json:
             print(json.dumps({"feedback": shown}), flush=True)
         else:
-            print(f"feedback {json.dumps(shown, ensure_ascii=False)}", flush=True)
+            print(f"feedback {spelled(shown)}", flush=True)
 
 
 def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) -> int:
@@ -274,7 +276,7 @@ def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) 
     if options.json:
         print(json.dumps({"status": goal.status.name, "result": told}))
     else:
-        print(goal.status.name, json.dumps(told, ensure_ascii=False))
+        print(goal.status.name, spelled(told))
     return FINE
 
 

@@ -146,7 +146,7 @@ def _described(recording: Recording) -> dict[str, object]:
 
 
 def _print(recording: Recording) -> None:
-    from ..tools.asking import printable
+    from ..printable import printable
 
     messages = sum(recording.counts.values())
     seconds = (recording.end - recording.start) / 1e9

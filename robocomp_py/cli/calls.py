@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..tools.shortening import shortened
 from .common import FINE
-from .live import Absent, Wrong, awaited, nothing_heard, spelled
+from .live import Absent, Wrong, awaited, nothing_heard, say, spelled
 
 if TYPE_CHECKING:
     from ..tools.calls import Seen
@@ -46,7 +46,7 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
         if not told.topics:
             raise Absent("; ".join(refused))
         for each in refused:
-            print(f"rc echo: {each}", file=sys.stderr)
+            say("rc echo", each)
         span, opened = Span(options.timeout, options.seconds), stack.enter_context(tap(told.topics))
         while span.goes_on():
             heard = opened.take(_LOOK)

@@ -162,4 +162,6 @@ def _killed() -> Iterator[str]:
 
 def _shown(text: str) -> str:
     """In one line, without control characters: names come from other programs."""
-    return "".join(each if each.isprintable() else "\ufffd" for each in text)
+    from ..printable import one_line
+
+    return one_line(text)

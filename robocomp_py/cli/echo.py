@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from ..printable import one_line
 from ..tools.shortening import shortened
 from .calls import echo_calls
 from .common import FINE, USAGE
 from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, spelled
+from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, say, spelled
 
 if TYPE_CHECKING:
     from ..tools.network import Channel
@@ -189,20 +190,21 @@ class _Table:
     def __init__(self, topics: Sequence[Channel], views: Mapping[str, _View], options: argparse.Namespace) -> None:
         self._views, self._stamps, self._several = views, options.stamps, len(topics) > 1
         self._writer = csv.writer(sys.stdout, lineterminator="\n")
+        self._is_terminal = sys.stdout.isatty()
         first = next(iter(views.values()))
         stamps = ["sent", "number"] if self._stamps else []
         self._row(["time", *stamps, *(["channel"] if self._several else []), *(each.path for each in first.parts)])
 
     def print(self, heard: Message) -> None:
         if isinstance(heard.message, str):
-            print(f"rc echo: {heard.channel}: {heard.message}", file=sys.stderr)
+            say("rc echo", f"{heard.channel}: {heard.message}")
             return
         stamps = [_seconds(heard.sent), _cell(heard.number)] if self._stamps else []
         values = [_cell(each.of(heard.message)) for each in self._views[heard.channel].parts]
         self._row([_seconds(heard.time), *stamps, *([heard.channel] if self._several else []), *values])
 
     def _row(self, cells: Sequence[str]) -> None:
-        self._writer.writerow(cells)
+        self._writer.writerow(map(one_line, cells) if self._is_terminal else cells)
         sys.stdout.flush()
 
 

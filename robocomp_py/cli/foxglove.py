@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE
 from .completing import What, completed
-from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, positive, reported
+from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, positive, reported, say
 
 if TYPE_CHECKING:
     from ..tools.foxglove.live import Bridge
+    from ..tools.network import Network
 
 NAME = "foxglove"
 HELP = "show a running network, or a recording, in Foxglove"
@@ -23,7 +24,9 @@ _EXAMPLES = f"""\
 examples:
   rc foxglove                        all topics, also those that appear later, until Ctrl-C
   rc foxglove LaserPub camera        only these
-  rc foxglove --recording run1       a recording, as it was in time
+  rc foxglove --network rescue       only those of a network that rcdeploy runs
+  rc foxglove run1/run1_0.mcap       a recording, as it was in time
+  rc foxglove --recording run1       the same for a folder of `rc record`
   rc foxglove --port 9000            at another port than 8765
 
 Open the printed address in Foxglove: Open connection, Foxglove WebSocket. Only programs on this host can connect. It
@@ -31,6 +34,8 @@ needs: pip install 'robocomp-py[foxglove]'
 
 {EXIT_STATUS}
 """
+
+_MCAP = ".mcap"
 
 _LOOK = 0.1
 """Seconds between two looks for new topics, and at the end."""
@@ -43,7 +48,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    completed(to.add_argument("topics", nargs="*", metavar="NAME", help=TOPIC), What.TOPIC)
+    names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording *.mcap")
+    completed(names, What.TOPIC)
+    about = "only topics of a network that rcdeploy runs here, by its name or file"
+    completed(to.add_argument("--network", metavar="NET", help=about), What.NETWORK)
     about = "a folder of `rc record`, or a file *.mcap, instead of what runs"
     completed(to.add_argument("--recording", type=Path, metavar="RECORDING", help=about), ".mcap")
     to.add_argument("--port", type=_port, default=8765, metavar="PORT", help="0: any that is free (default: 8765)")
@@ -62,22 +70,59 @@ def run(options: argparse.Namespace) -> int:
 
     with reported("rc foxglove") as code:
         need_foxglove()
+        _take_recording(options)
+        census = _census(options)
         from ..tools.foxglove.live import Bridge
 
         with Bridge("robocomp", options.port) as bridge:
             end = time.monotonic() + options.seconds if options.seconds else float("inf")
-            (_show_recording if options.recording else _show_network)(bridge, options, end)
+            if options.recording:
+                _show_recording(bridge, options, end)
+            else:
+                _show_network(bridge, options, census, end)
         return FINE
     return code()
 
 
-def _show_network(bridge: Bridge, options: argparse.Namespace, end: float) -> None:
-    from ..tools.access import Access
+def _take_recording(options: argparse.Namespace) -> None:
+    """A name that ends with `.mcap` is a recording. Raises ConfigurationError."""
+    from ..errors import ConfigurationError
+
+    files = [each for each in options.topics if each.endswith(_MCAP)]
+    if len(files) + bool(options.recording) > 1:
+        raise ConfigurationError("one recording at a time is shown; `rc bag merge` makes one of several")
+    if files:
+        options.recording = Path(files[0])
+        options.topics.remove(files[0])
+    if options.recording and options.network:
+        raise ConfigurationError("--network is for what runs, and a recording does not")
+
+
+def _census(options: argparse.Namespace) -> Callable[[], Network]:
+    """What runs, or of it what belongs to the network that is wanted. Raises DeploymentError if that does not run."""
     from ..tools.census import take_census
+
+    census = partial(take_census, options.middleware, own=bool(options.topics))
+    if not options.network:
+        return census
+    from ..deploy.client import NotRunning, network_of, running_plan
+
+    name = network_of(options.network)
+    if running_plan(name) is None:
+        raise NotRunning(f"network `{name}` is not running on this machine")
+
+    def of_network() -> Network:
+        plan = running_plan(name) or {}
+        return census().only([each for one in plan.get("processes", ()) for each in one.get("instances", ())])
+
+    return of_network
+
+
+def _show_network(bridge: Bridge, options: argparse.Namespace, census: Callable[[], Network], end: float) -> None:
+    from ..tools.access import Access
     from ..tools.recording.session import Session
 
     with Access() as access:
-        census = partial(take_census, options.middleware, own=bool(options.topics))
         session = Session(bridge, access, census, options.topics, _tell)
         session.look()
         _tell_address(bridge)
@@ -121,4 +166,4 @@ def _tell_address(bridge: Bridge) -> None:
 
 
 def _tell(text: str) -> None:
-    print(f"rc foxglove: {text}", file=sys.stderr)
+    say("rc foxglove", text)

@@ -113,7 +113,14 @@ def reported(command: str) -> Iterator[Callable[[], int]]:
     except (Absent, RobocompError) as exc:
         codes = {ConfigurationError: USAGE, HostUnreachable: UNREACHABLE}
         code = next((number for kind, number in codes.items() if isinstance(exc, kind)), WRONG)
-        print(f"{command}: {exc}", file=sys.stderr)
+        say(command, str(exc))
+
+
+def say(command: str, text: str) -> None:
+    """A message for people, which may have texts of other programs."""
+    from ..printable import printable
+
+    print(f"{command}: {printable(text)}", file=sys.stderr)
 
 
 def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Hosts | None = None) -> T:
@@ -196,8 +203,9 @@ def one_of(network: Network, name: str) -> Channel:
 
 def spelled(value: Any) -> str:
     """JSON on a terminal: in one line, with letters as they are, and without control characters of others."""
-    text = json.dumps(value, ensure_ascii=False)
-    return text if text.isprintable() else "".join(each if each.isprintable() else "\ufffd" for each in text)
+    from ..printable import one_line
+
+    return one_line(json.dumps(value, ensure_ascii=False))
 
 
 def add_yes(to: argparse.ArgumentParser) -> None:
@@ -236,7 +244,7 @@ def request_of(channel: Channel, words: list[str], command: str, told: End | Non
     try:
         return values.taken(inputs, arguments_of(words), channel.operation.name)
     except ValueError as exc:
-        print(f"{command}: {exc}", file=sys.stderr)
+        say(command, str(exc))
         return None
 
 

@@ -29,6 +29,7 @@ from .live import (
     count,
     positive,
     reported,
+    say,
 )
 from .logged import Wanted, add_filters, wanted
 
@@ -85,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     with reported("rc logs") as code:
         chosen = awaited(options, partial(_chosen, options.components))
         for each in chosen.troubles:
-            print(f"rc logs: {each}", file=sys.stderr)
+            say("rc logs", each)
         seen: set[Line] = set()
         since = time.time()
         past = [(line, entry) for each in chosen.launched for line, entry in each.past(accepts, options.lines)]
@@ -207,7 +208,7 @@ def _follow(
                     show(entry)
             for launched, line in live.taken(0.0 if tap else _LOOK):
                 if not line.name:
-                    print(f"rc logs: {line.text}", file=sys.stderr)
+                    say("rc logs", line.text)
                 elif accepts(line.at, line.level, line.message) and (entry := launched.entry(line)):
                     show(entry)
             raise_if_signalled()
@@ -228,7 +229,7 @@ def _told(options: argparse.Namespace, chosen: _Chosen, stack: ExitStack) -> Tap
     if not told.topics and not chosen.launched:
         raise Absent("; ".join(refused))
     for each in refused:
-        print(f"rc logs: {each}", file=sys.stderr)
+        say("rc logs", each)
     return stack.enter_context(tap(told.topics)) if told.topics else None
 
 

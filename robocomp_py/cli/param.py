@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from .live import (
     components_named,
     positive,
     reported,
+    say,
 )
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _list(at: _At, options: argparse.Namespace) -> int:
         try:
             found = at.settings(component)
         except RobocompError as exc:
-            print(f"rc param list: {component}: {exc}", file=sys.stderr)
+            say("rc param list", f"{component}: {exc}")
             continue
         for each in found:
             if options.json:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE
 from .completing import What, completed
-from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported
+from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported, say
 
 if TYPE_CHECKING:
     from ..tools.recording.session import Session, Track
@@ -176,7 +176,7 @@ def _nothing(options: argparse.Namespace) -> str:
 
 
 def _tell(text: str) -> None:
-    print(f"{_CLEARED}rc record: {text}", file=sys.stderr)
+    say(f"{_CLEARED}rc record", text)
 
 
 _CLEARED = "\r\x1b[K" if sys.stderr.isatty() else ""

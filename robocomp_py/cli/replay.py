@@ -17,15 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .bag import add_span, span_of
 from .common import FINE
-from .live import (
-    EXIT_STATUS,
-    Absent,
-    add_json,
-    add_middleware,
-    add_waiting,
-    positive,
-    reported,
-)
+from .live import EXIT_STATUS, Absent, add_json, add_middleware, add_waiting, positive, reported, say
 
 if TYPE_CHECKING:
     from ..tools.recording.reader import Recording
@@ -201,7 +193,7 @@ class _TerminalKeys:
 
 def _tell(text: str) -> None:
     _clear()
-    print(f"rc replay: {text}", file=sys.stderr)
+    say("rc replay", text)
 
 
 def _clear() -> None:

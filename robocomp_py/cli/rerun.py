@@ -114,15 +114,17 @@ def _quiet(*, show: bool) -> Iterator[None]:
 
 
 def _print(result: Result, took: float, options: argparse.Namespace) -> None:
+    from ..printable import one_line
+
     differences = result.differences if options.all else result.differences[:_SHOWN]
     for each in differences:
-        print(each)
+        print(one_line(str(each)))
     if more := len(result.differences) - len(differences):
         print(f"… {more} more; --all prints them")
     if result.is_parted:
         print("from there on it does something else, so that the rest cannot be compared")
     for what in dict.fromkeys(result.left_out):
-        print(f"not run again: {what}")
+        print(f"not run again: {one_line(what)}")
     fast = f", {result.seconds / took:.0f} times as fast" if took and result.seconds > took else ""
     print(
         f"{options.diary}: {result.turns} calls, {result.seconds:.1f} s, run again in {took:.1f} s{fast}: "

@@ -68,7 +68,7 @@ class Session:
         """What runs now. Raises Closed, ConfigurationError and TransportErrors."""
         self.check_open()
         every = take_census(self._middlewares, own=True)
-        known = _only(every, _instances(self.network)) if self.network else every
+        known = every.only(_instances(self.network)) if self.network else every
         with self._lock:
             self._known = known
         return known
@@ -155,14 +155,3 @@ def _instances(network: str) -> frozenset[str]:
 
     plan = running_plan(network) or {}
     return frozenset(each for process in plan.get("processes", ()) for each in process.get("instances", ()))
-
-
-def _only(network: Network, instances: frozenset[str]) -> Network:
-    """The channels of these instances, and of named instances that they stand for."""
-    kept = Network([])
-    short = {each.rpartition("/")[2] for each in instances}
-    for name, channel in network.channels.items():
-        instance = "/".join(name.split("/")[:-2])
-        if instance in instances or any(end.told.owner.strip("/") in instances | short for end in channel.providers):
-            kept.channels[name] = channel
-    return kept

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..contract import types
 from ..errors import RobocompError, Unreachable
+from ..printable import printable
 from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from ..runtime.RoboCompIntrospection import Comment, Description, End, Measures
 from ..transports.deployment import deployment_of
@@ -197,8 +198,3 @@ def _value(ours: types.Type, theirs: types.Type, value: Any) -> Any:
         case types.Primitive(), types.Primitive() if ours is theirs:
             return printable(value) if isinstance(value, str) else value
     raise TypeError(f"{types.spell(theirs)} where {types.spell(ours)} is expected")
-
-
-def printable(text: str) -> str:
-    """A text of another process without control characters, but with its lines."""
-    return "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in text)

@@ -11,6 +11,7 @@ from typing import Any
 
 from ..contract.types import Field, Struct
 from ..errors import DecodeError
+from ..printable import printable
 from ..wire import json, names
 from ..wire.cdr import Cdr
 from ..wire.codec import Decoder
@@ -75,12 +76,12 @@ def seen(channels: Iterable[Channel], message: Any, *, served: bool) -> tuple[Se
     )
     found = Seen(
         call["begun"] / 1e9,
-        asking.printable(call["caller"]),
-        asking.printable(call["channel"]),
-        asking.printable(call["middleware"]),
+        printable(call["caller"]),
+        printable(call["channel"]),
+        printable(call["middleware"]),
         float(call["took"]),
-        asking.printable(call["status"]),
-        asking.printable(call["error"]),
+        printable(call["status"]),
+        printable(call["error"]),
         _decoded(operation.request, operation.inputs, call["request"]),
         response["ret"] if isinstance(response, dict) and list(response) == ["ret"] else response or None,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from ..contract import told
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
 from ..errors import RobocompError
+from ..printable import one_line
 from ..spelling import closest
 from ..transports.census import Told
 from ..wire import names
@@ -135,7 +136,7 @@ class Network:
 
     def __init__(self, every: Iterable[End], *, own: bool = False) -> None:
         """With `own`, the interfaces of the framework belong to it, too."""
-        known = [each for each in every if _is_understood(each.told)]
+        known = [_printable(each) for each in every if _is_understood(each.told)]
         self._stock = [
             each for each in known if names.segment(each.told.channel) in OWN and not _is_any(each.told.channel)
         ]
@@ -197,6 +198,16 @@ class Network:
             raise ValueError(self._unknown(name))
         return [each for each in found if each.interface not in OWN] or found
 
+    def only(self, instances: Collection[str]) -> Network:
+        """The channels of these instances, by their whole names, and of named instances that they stand for."""
+        kept = Network([])
+        owners = {*instances, *(each.rpartition("/")[2] for each in instances)}
+        for name, channel in self.channels.items():
+            instance = "/".join(name.split("/")[:-2])
+            if instance in instances or any(end.told.owner.strip("/") in owners for end in channel.providers):
+                kept.channels[name] = channel
+        return kept
+
     def topic(self, name: str) -> Channel:
         """The only topic that a name means. A whole name may also be one that nothing publishes so far, if a subscriber
         hears it. Raises ValueError.
@@ -233,6 +244,12 @@ def _process(end: End) -> tuple[str, int, str]:
 
 def _is_understood(told: Told) -> bool:
     return told.role in PATTERNS and told.channel.count("/") >= 2 and told.channel.isprintable()
+
+
+def _printable(end: End) -> End:
+    """Its owner is named to people, and may call itself anything."""
+    owner = end.told.owner
+    return end if owner.isprintable() else End(end.middleware, end.told._replace(owner=one_line(owner)))
 
 
 def _is_any(channel: str) -> bool:

@@ -18,6 +18,7 @@ from typing import Any
 
 import yaml
 
+from ..printable import printable
 from ..runtime.RoboCompIntrospection import Setting
 from . import asking
 from .access import Access
@@ -46,7 +47,7 @@ def read(access: Access, network: Network, component: str, deadline: float) -> l
         return told.settings
     (found,) = access.ask(_common(network, component, "getParameterList"), (), deadline)
     return [
-        Setting(name=str(name), type=str(kind), value=asking.printable(value), editable=bool(editable))
+        Setting(name=str(name), type=str(kind), value=printable(value), editable=bool(editable))
         for name, (editable, value, kind) in sorted(found.items())
     ]
 

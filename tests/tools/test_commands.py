@@ -77,6 +77,24 @@ def complained(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 
     return capsys.readouterr().err
 
 
+class Rude(Talker):
+    texts = ("\x1b[2J\u202egone\nnext",)
+
+
+def test_control_characters_of_others_reach_files_and_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["echo", "news", "-n", "1", "--csv", "--field", "text", "--middleware", "shm"]
+    with running(make(Rude, find_transport, "middleware=shm", name="talker")):
+        raw = said(capsys, *words)
+        seen, terminal = os.openpty()
+        with os.fdopen(terminal, "w") as screen, contextlib.redirect_stdout(screen):
+            assert rc.main(words) == 0
+    with os.fdopen(seen, "rb") as screen_:
+        shown = screen_.read1(10_000).decode()
+    assert "\x1b[2J\u202egone\nnext" in raw
+    assert "\ufffd[2J\ufffdgone next" in shown
+    assert "\x1b" not in shown
+
+
 def test_components_are_listed(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
     found = [json.loads(line) for line in said(capsys, "list", "--json").splitlines()]
     (one,) = [each for each in found if each["owner"] == "talker"]

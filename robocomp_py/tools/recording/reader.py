@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
 from ...contract import told
 from ...contract.interface import Operation, Pattern
 from ...contract.qos import QoS
+from ...printable import one_line
 from ...spelling import closest
 from ...wire.cdr import Cdr
 from ...wire.codec import Decoder
@@ -62,12 +63,12 @@ class RecordedTopic:
 
     @property
     def publisher(self) -> str:
-        return self.metadata.get("publisher", "")
+        return one_line(self.metadata.get("publisher", ""))
 
     @property
     def middleware(self) -> str:
         """Over which it was heard."""
-        return self.metadata.get("middleware", "")
+        return one_line(self.metadata.get("middleware", ""))
 
     @property
     def pattern(self) -> Pattern:
@@ -320,15 +321,15 @@ def recorded_topic(channel: Channel, schema: Schema | None) -> RecordedTopic:
         except ValueError as exc:
             problem = f"its contract is not understood: {exc}"
     return RecordedTopic(
-        _printable(channel.topic.removeprefix("/")),
+        one_line(channel.topic.removeprefix("/")),
         channel.topic,
-        _printable(schema.name) if schema else "",
+        one_line(schema.name) if schema else "",
         channel.message_encoding,
         schema.encoding if schema else "",
         schema.data if schema else b"",
         dict(channel.metadata),
         operation,
-        problem,
+        one_line(problem),
         _called(channel.metadata) if operation else None,
     )
 
@@ -339,10 +340,6 @@ def _called(metadata: Mapping[str, str]) -> Operation[Any] | None:
         return told.operation(metadata["called"])
     except (KeyError, ValueError):
         return None
-
-
-def _printable(text: str) -> str:
-    return "".join(each if each.isprintable() else "?" for each in text)
 
 
 Values = Callable[[Recorded], tuple[Any, ...]]

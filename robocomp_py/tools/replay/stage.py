@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 
 from ...contract.interface import Pattern, differences
 from ...errors import ContractMismatch, DecodeError, EncodeError, RobocompError
+from ...printable import one_line
 from ...threads import NO_THREAD, start_thread
 from ...transports.base import Outlet, wait_connected
 from ...wire import names
@@ -161,7 +162,7 @@ class Stage:
         if end.told.fingerprint in (0, part.operation.fingerprint):
             return True
         found = differences(part.operation.text, end.told.text)[:_DIFFERENCES] if end.told.text else []
-        what = "".join(each if each.isprintable() else " " for each in "; ".join(found)) or "it does not tell which"
+        what = one_line("; ".join(found)) or "it does not tell which"
         self._complain(
             f"{part.channel} {end.told.owner}",
             f"{end.told.owner or 'a program'} (process {end.told.pid}) hears {part.channel} with another contract than "

@@ -147,7 +147,7 @@ def test_a_recording_is_converted(tmp_path: Path) -> None:
 
 def test_a_recording_is_shown_with_its_times(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run", 300)
-    with served("--recording", str(run), "LaserPub") as address, connected(address) as client:
+    with served(str(run / "run_0.mcap"), "LaserPub") as address, connected(address) as client:
         stamp, data = client.hear("/world/LaserPub/pushLaserData/LaserScan")
         channel = client.channels["/world/LaserPub/pushLaserData/LaserScan"]
         _, plain = client.hear("/world/LaserPub/pushLaserData")
@@ -162,6 +162,10 @@ def test_a_recording_is_shown_with_its_times(tmp_path: Path) -> None:
     ("arguments", "code", "why"),
     [
         (("--recording", "nowhere.mcap"), 1, "nowhere.mcap: no such file or folder"),
+        (("nowhere.mcap",), 1, "nowhere.mcap: no such file or folder"),
+        (("a.mcap", "b.mcap"), 2, "one recording at a time is shown"),
+        (("a.mcap", "--network", "rescue"), 2, "--network is for what runs, and a recording does not"),
+        (("--network", "nowhere"), 1, "network `nowhere` is not running on this machine"),
         (("--port", "70000"), 2, "'70000' is not a port; write a number from 0 to 65535"),
     ],
 )
