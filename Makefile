@@ -41,7 +41,7 @@ fix: .venv/ready  ## format, and mend what can be mended automatically
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-golden: .venv/ready  ## rewrite what is expected of the generator, the tables of the languages, and what the pages of codes show; review the diff
+golden: .venv/ready  ## rewrite what is expected of the generator, what is made of grammars and templates, and what the pages of codes show; review the diff
 	$(BIN)/python -m tests.codegen.golden
 	$(BIN)/python -m tests.dsl.tables
 	$(BIN)/python -m tests.docs.diagnostics

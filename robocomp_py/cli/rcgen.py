@@ -112,7 +112,7 @@ def _run(arguments: Sequence[str] | None, progress: Progress) -> int:
         print(f"rcgen: --middleware {options.middleware}: {wrong}", file=sys.stderr)
         return USAGE
     made_by = ""
-    if options.models and not options.to:
+    if options.models and not options.to and not (options.check and not _request(options).record.is_file()):
         made_by = unchanged.generator()
         found = unchanged.up_to_date(_request(options), made_by)
         if found is not None and all(options.middleware in (None, each.middleware) for each in found):

@@ -21,6 +21,7 @@ from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
 from . import actions, configuration, expressions, instances, layout, machine, names, timers
+from .compiled import FILE, Compiled
 from .imports import bound_names, complete
 from .layout import on_one_line
 from .linting import excused_file
@@ -189,13 +190,15 @@ class _Aliases:
 
 
 def _render(template: str, **values: Any) -> str:
-    return _environment().get_template(template).render(version=__version__, **values)
+    return environment().get_template(template).render(version=__version__, **values)
 
 
 @cache
-def _environment() -> Environment:
-    environment = Environment(
+def environment() -> Environment:
+    """The templates, and what they may use."""
+    made = Environment(
         loader=PackageLoader("robocomp_py.codegen"),
+        bytecode_cache=Compiled(FILE.read_text(encoding="utf-8")),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -203,14 +206,14 @@ def _environment() -> Environment:
         autoescape=False,  # Python and TOML, not HTML
     )
     for filters in (names, layout, expressions, configuration, machine, timers, instances, actions):
-        environment.filters |= {
+        made.filters |= {
             name: each
             for name, each in vars(filters).items()
             if inspect.isfunction(each) and each.__module__ == filters.__name__ and not name.startswith("_")
         }
-    environment.tests["kind"] = lambda value, *kinds: isinstance(value, tuple(_KINDS[kind] for kind in kinds))
-    environment.filters["of"] = _definitions
-    return environment
+    made.tests["kind"] = lambda value, *kinds: isinstance(value, tuple(_KINDS[kind] for kind in kinds))
+    made.filters["of"] = _definitions
+    return made
 
 
 def _definitions(module: Module, *kinds: str) -> list[Any]:

@@ -303,7 +303,7 @@ class _Reader:
         at = mro.index(_GENERIC) if _GENERIC in mro else len(mro)
         if _GENERIC not in mro:
             self._is_open = True
-        main = self._class(node, home)
+        main = self._read.get(self._made[node]) or self._class(node, home)
         classes = tuple(self._read[each] for each in mro[:at] if each in self._read) or (main,)
         behind = tuple(self._read[each] for each in mro[at:] if each in self._read)
         return Worker(main, classes, behind, self._is_open)

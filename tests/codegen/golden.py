@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import robocomp_py
-from robocomp_py.codegen.generate import generate_module
+from robocomp_py.codegen.compiled import FILE, text_of
+from robocomp_py.codegen.generate import environment, generate_module
 from robocomp_py.contract.component import Port
 from robocomp_py.contract.interface import Interface, Verb
 from robocomp_py.dsl.workspace import SHIPPED, Workspace
@@ -61,6 +62,7 @@ _HEAD = (
 
 
 def main() -> None:
+    FILE.write_text(text_of(environment()), encoding="utf-8")
     for name in NAMES:
         shutil.rmtree(GOLDEN / name, ignore_errors=True)
     for path, text in expected():

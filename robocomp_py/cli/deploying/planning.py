@@ -74,7 +74,8 @@ def _check_generated(options: argparse.Namespace, workspace: Workspace, progress
 
     path: Path = options.network
     progress.show("comparing what was generated")
-    if up_to_date(Request((path,), tuple(options.include)), generator()) is not None:
+    request = Request((path,), tuple(options.include))
+    if request.record.is_file() and up_to_date(request, generator()) is not None:
         return not workspace.report.errors
     model = workspace.deployment(path)
     paths = workspace.components_of(path)
