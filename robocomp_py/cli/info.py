@@ -105,13 +105,14 @@ def _described(channel: Channel) -> Iterator[str]:
 
 def end_line(end: End) -> str:
     """What is at one end of a channel, for people."""
-    from ..contract.qos import from_traits
+    from ..contract.qos import History, from_traits
 
     told = end.told
     line = f"{told.owner or '?'} (process {told.pid}) over {end.middleware}"
-    if end.role != "publishes" or not told.traits:
+    if end.role not in ("publishes", "subscribes") or not told.traits:
         return line
     qos = from_traits(told.traits)
-    policies = [str(qos.reliability), str(qos.durability)]
+    kept = f"depth {qos.depth}" if qos.history is History.KEEP_LAST else str(qos.history)
+    policies = [str(qos.reliability), str(qos.durability), kept]
     policies += [f"{name} {value:g} s" for name in ("deadline", "lifespan", "lease") if (value := getattr(qos, name))]
     return f"{line}: {', '.join(policies)}"

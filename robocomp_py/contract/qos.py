@@ -134,13 +134,16 @@ def duration(seconds: float) -> str:
 
 
 def traits(qos: QoS) -> str:
-    """A QoS as a publisher announces it: letters and digits that fit into any name; never empty."""
+    """A QoS as both sides of a topic announce it: letters and digits that fit into any name; never empty."""
     flags = {"r": qos.reliable, "l": qos.latched, "m": qos.liveliness is Liveliness.MANUAL_BY_TOPIC}
     written = "".join(letter for letter, flag in flags.items() if flag)
     for letter, name in _LETTERS.items():
         seconds = getattr(qos, name)
         if seconds is not None:
             written += f"{letter}{max(1, round(seconds * 1e9))}"
+    kept = 0 if qos.history is History.KEEP_ALL else qos.depth
+    if kept != DEFAULT_QOS.depth:
+        written += f"k{kept}"
     return written or "-"
 
 
@@ -148,9 +151,12 @@ def from_traits(text: str) -> QoS:
     """The QoS with these traits; unknown letters are ignored."""
     values = {letter: int(number or 0) for letter, number in re.findall(r"([a-z])([0-9]{0,18})", text, re.ASCII)}
     times: dict[str, Any] = {name: values[letter] / 1e9 for letter, name in _LETTERS.items() if values.get(letter)}
+    kept = values.get("k", DEFAULT_QOS.depth)
     return QoS(
         Reliability.RELIABLE if "r" in values else Reliability.BEST_EFFORT,
         Durability.TRANSIENT_LOCAL if "l" in values else Durability.VOLATILE,
+        History.KEEP_LAST if kept else History.KEEP_ALL,
+        min(kept, DEPTHS[-1]) or DEFAULT_QOS.depth,
         liveliness=Liveliness.MANUAL_BY_TOPIC if "m" in values else Liveliness.AUTOMATIC,
         **times,
     )

@@ -1,7 +1,7 @@
 """The difference between what a network declares and what runs. Pure.
 
 declared, and runs             present
-declared, and does not run     missing: an instance, or a use by a client or of a provider that is not connected
+declared, and does not run     missing: an instance, or a use that is not connected over the declared middleware
 declared, and not visible      unseen: on another host, within one process, or a program without contracts
 runs, and is not declared      undeclared: what uses the instances of the network, or is used by them
 """
@@ -167,16 +167,26 @@ class _Comparison:
 
     def undeclared_uses(self) -> Iterator[Use]:
         """Those of which one side at least is an instance of the network, except those within one process."""
-        declared = {(str(way["client"]), channel) for way in self._ways for channel, _ in _channels_of(way)}
+        declared: dict[tuple[str, str], list[tuple[str, str]]] = {}
+        for way in self._ways:
+            for name, _ in _channels_of(way):
+                to = str(way["provider"]), str(way["middleware"])
+                declared.setdefault((str(way["client"]), name), []).append(to)
         for channel in self._network.channels.values():
             providers = [each for each in channel.providers if each.told.pid in self._by_pid] or channel.providers
             for user in channel.users if providers else ():
                 inside, pid = self._by_pid.get(user.told.pid, []), user.told.pid
-                if any((name, channel.name) in declared for name in inside):
+                if any(
+                    self._is_declared(name, channel.name, declared.get((name, channel.name), ())) for name in inside
+                ):
                     continue
                 if providers[0].told.pid == pid or not (inside or providers[0].told.pid in self._by_pid):
                     continue
                 yield self._undeclared(channel, providers[0], user)
+
+    def _is_declared(self, client: str, channel: str, ways: Sequence[tuple[str, str]]) -> bool:
+        """Whether a client uses a channel as it is declared, or does so where it cannot be seen."""
+        return any(not self._tells(over) or self._connects(client, to, channel, over) for to, over in ways)
 
     def _undeclared(self, channel: Channel, provider: End, user: End) -> Use:
         client, source = self._instance_of(user), self._instance_of(provider)
@@ -207,15 +217,18 @@ class _Comparison:
         if Presence.UNSEEN in ends or not self._tells(middleware):
             return Presence.UNSEEN
         return (
-            Presence.PRESENT if any(self._connects(client, provider, each) for each in channels) else Presence.MISSING
+            Presence.PRESENT
+            if any(self._connects(client, provider, each, middleware) for each in channels)
+            else Presence.MISSING
         )
 
-    def _connects(self, client: str, provider: str, channel: str) -> bool:
-        known = self._network.channels.get(channel)
-        if known is None or not any(end.told.pid in self._pids[provider] for end in known.providers):
+    def _connects(self, client: str, provider: str, channel: str, over: str) -> bool:
+        known, offering = self._network.channels.get(channel), self._pids.get(provider, ())
+        offered = known.providers if known else ()
+        if not any(end.told.pid in offering and end.middleware == over for end in offered):
             return False
-        used = (end for pid in self._pids[client] for end in self._used.get(pid, ()))
-        return any(names.matches(end.told.channel, channel) for end in used)
+        used = (end for pid in self._pids.get(client, ()) for end in self._used.get(pid, ()))
+        return any(end.middleware == over and names.matches(end.told.channel, channel) for end in used)
 
     def _providers(self) -> dict[str, set[int]]:
         """The processes that provide channels, by the prefix of these."""

@@ -18,4 +18,4 @@ class Told(NamedTuple):
     text: str
     """Its contract; it may be empty."""
     traits: str = ""
-    """The QoS that a publisher offers, as `contract.qos.traits` writes it."""
+    """The QoS that a publisher offers or a subscriber asks for, as `contract.qos.traits` writes it."""

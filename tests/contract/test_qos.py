@@ -108,6 +108,8 @@ def test_the_traits_of_a_qos_are_complete_and_fit_into_names(qos: QoS) -> None:
     again = from_traits(text)
     assert shortfalls(qos, again) == shortfalls(again, qos) == []
     assert again.lifespan == pytest.approx(qos.lifespan, abs=1e-9)
+    assert again.history is qos.history
+    assert again.depth == qos.depth or qos.history is History.KEEP_ALL
 
 
 @given(st.text())

@@ -264,6 +264,16 @@ def test_a_contract_is_shown_with_both_sides(talker: Any, capsys: pytest.Capture
     assert f"published by talker (process {os.getpid()}) over {talker.middleware_used}: reliable, volatile" in shown
 
 
+def test_the_depth_of_a_subscriber_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    over = ("middleware=shm", "ports.Everything.qos.depth=7")
+    with (
+        running(make(Talker, find_transport, "middleware=shm", name="talker")),
+        running(make(Listener, find_transport, *over, name="listener")),
+    ):
+        shown = said(capsys, "info", "news", "--middleware", "shm")
+    assert f"subscribed by listener (process {os.getpid()}) over shm: best_effort, volatile, depth 7" in shown
+
+
 @pytest.mark.parametrize("middleware", [name for name in TELLERS if name != "dds"])
 def test_a_subscriber_hears_what_a_tool_publishes(middleware: str, capsys: pytest.CaptureFixture[str]) -> None:
     over = f"middleware={middleware}"

@@ -78,6 +78,19 @@ def test_a_use_between_declared_instances_may_be_undeclared() -> None:
     assert uses[LISTENED] is Presence.UNDECLARED
 
 
+def test_a_use_over_another_middleware_than_declared_is_missing_and_undeclared() -> None:
+    drift = compare(
+        plan(way("hand", "world", "world/Everything/divide", middleware="far"), HEARD),
+        Network((WORLD, HAND, NEWS, EYE, *THERE)),
+    )
+    found = {(each.channel, each.middleware): each.presence for each in drift.uses}
+    assert found == {
+        ("world/Everything/divide", "far"): Presence.MISSING,
+        ("world/Everything/divide", "near"): Presence.UNDECLARED,
+        ("world/Everything/news", "near"): Presence.PRESENT,
+    }
+
+
 def test_a_program_without_contracts_is_unseen() -> None:
     of = plan() | {"processes": [{"instances": ["joystick"], "host": ""}], "ours": {}}
     assert presences(*THERE, of=of)[0] == {"joystick": Presence.UNSEEN}
