@@ -32,6 +32,7 @@ from .devices.imu import Inertia, Inertial
 from .devices.imu import read as read_imu
 from .devices.laser import Laser
 from .devices.touch import Touch
+from .edits import carry, fingerprint
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .looks import MOST_SHOWN, Pixels, cameras, lens_of
@@ -88,6 +89,10 @@ class Contact(NamedTuple):
     """Seen from the root, shape (3,), mm."""
 
 
+class Overlap(RobocompError):
+    """A base that stops before shapes would be inside of one."""
+
+
 class World:
     """A scene and its state. One thread uses it at a time."""
 
@@ -116,26 +121,11 @@ class World:
             raise ValueError(f"compat={compat!r}: it is `robocomp`, or nothing")
         self._tree, self._seed, self._tick = tree.copy(), seed, tick
         self._hold = round(hold / tick)
-        self._scene = build(self._tree, tick, without_meshes=without_meshes, parameters=parameters)
-        self._lasers = {
-            name: Laser(self._tree.node(name), self._scene.frames[name])
-            for name in self._tree.ids
-            if self._tree.node(name).tag == "laser" and self._tree.node(name).values["measures"] != 0
-        }
-        nodes = [self._tree.node(name) for name in self._tree.ids]
-        self._movable = [
-            each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
-        ]
-        self._lenses = {name: lens_of(self._tree.node(name)) for name in cameras(self._tree)}
-        self._displays = dict.fromkeys(name for name in self._tree.ids if self._tree.node(name).tag == "display")
+        self._without_meshes, self._parameters = without_meshes, dict(parameters or {})
+        self._equip(self._parameters)
+        self._edits = b""
+        """The fingerprint of the tree, if it was changed."""
         self._shown: dict[str, Pixels] = {}
-        tags = {name: self._tree.node(name).tag for name in self._tree.ids}
-        self._imus = {name: self._scene.frames[name] for name, tag in tags.items() if tag == "imu"}
-        self._touches = {
-            name: Touch(self._tree, name, self._scene) for name, tag in tags.items() if tag == "touchsensor"
-        }
-        if any(touch.needs_waking for touch in self._touches.values()):
-            self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
         self._physics, self._compat = physics, compat
@@ -145,6 +135,26 @@ class World:
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
         self.reset(seed)
+
+    def _equip(self, parameters: Parameters) -> None:
+        """Make the model of the tree, and the devices of the tree in it."""
+        tree = self._tree
+        self._scene = build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
+        nodes = [tree.node(name) for name in tree.ids]
+        self._lasers = {
+            node.id: Laser(node, self._scene.frames[node.id])
+            for node in nodes
+            if node.tag == "laser" and node.values["measures"] != 0
+        }
+        self._movable = [
+            each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
+        ]
+        self._lenses = {name: lens_of(tree.node(name)) for name in cameras(tree)}
+        self._displays = dict.fromkeys(each.id for each in nodes if each.tag == "display")
+        self._imus = {each.id: self._scene.frames[each.id] for each in nodes if each.tag == "imu"}
+        self._touches = {each.id: Touch(tree, each.id, self._scene) for each in nodes if each.tag == "touchsensor"}
+        if any(touch.needs_waking for touch in self._touches.values()):
+            self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
     def reset(self, seed: int | None = None) -> None:
         """Begin again at tick 0, with all as the tree had it; with another seed if one is given.
@@ -157,15 +167,122 @@ class World:
         self._ticks = 0
         self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         self._inertias = dict.fromkeys(self._imus, Inertia())
-        self._noise = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
-        for name in self._lenses:
-            noise = float(str(self._tree.node(name).values.get("noise", 0.0)))
-            self._noise |= {name: noise} if noise else {}
+        self._noise = self._usual_noise()
         self._shown = {}
         self._drives = {}
         for name in self._scene.bases:
             self._drives[name] = Drive(Speed(), None, self._pose(name), self._pose(name))
         self._update()
+
+    def _usual_noise(self) -> dict[str, float]:
+        """What the file says of noise."""
+        found = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
+        for name in self._lenses:
+            noise = float(str(self._tree.node(name).values.get("noise", 0.0)))
+            found |= {name: noise} if noise else {}
+        return found
+
+    def change(self, tree: Tree, placed: Mapping[str, Array] | None = None) -> None:
+        """Go on with another tree, which is not to be changed afterwards: start from a copy of `tree`.
+
+        Everything that both trees have keeps its place and its state, and new nodes begin as the tree has them. Bases
+        and free bodies are moved to where `placed` has them, as poses within their parents, shape (4, 4), mm. Raises
+        InnerModelError for what cannot be used, and Overlap if a base that stops would be inside of what stops it;
+        then nothing has changed.
+        """
+        before, overlaps = self.copy(), self._overlaps()
+        parameters = {name: values for name, values in self._parameters.items() if name in tree}
+        try:
+            self._tree = tree
+            self._equip(parameters)
+            self._data = mujoco.MjData(self._scene.model)
+            self._data.qpos[:] = self._scene.start
+            carry(before._scene, before._data, self._scene, self._data)
+            self._update()
+            for name, pose in (placed or {}).items():
+                self._set_pose(name, pose)
+            self._keep(before)
+            for (one, other), depth in self._overlaps().items():
+                if depth < overlaps.get((one, other), 0.0) - _TOUCH:
+                    raise Overlap(f"`{one}` would be {-depth * 1000:.1f} mm deep in `{other}`")
+        except BaseException:
+            self.__dict__ = before.__dict__
+            raise
+        self._edits = fingerprint(tree)
+
+    def _keep(self, before: World) -> None:
+        """Take over what was told before, as far as it is about nodes that are still there."""
+        noise = self._usual_noise()
+        for name in {**self._scene.bases, **self._lasers, **self._imus, **self._lenses}:
+            if name in before._tree and (name in before._noise or name in noise):
+                noise[name] = before._noise.get(name, 0.0)
+        self._noise = noise
+        self._shown = {name: pixels for name, pixels in before._shown.items() if name in self._displays}
+        self._inertias = {name: before._inertias.get(name, Inertia()) for name in self._imus}
+        drives = {name: Drive(Speed(), None, self._pose(name), self._pose(name)) for name in self._scene.bases}
+        self._drives = {name: before._drives.get(name, new) for name, new in drives.items()}
+        motors = {name: Motor(self.position(name)) for name in self._scene.joints}
+        kept = {name for name, joint in self._scene.joints.items() if _slides(before, name) == joint.slides}
+        self._motors = {name: before._motors[name] if name in kept else new for name, new in motors.items()}
+
+    def _set_pose(self, name: str, pose: Array) -> None:
+        """Put a base, or a free body, where a pose within its parent says, at rest."""
+        node, model = self._tree.node(name), self._scene.model
+        if name in self._scene.bases:
+            tilt, roll = (float(str(node.values[each])) for each in ("rx", "rz"))
+            turned = axes.rotation(tilt, 0.0, 0.0).T @ pose[:3, :3] @ axes.rotation(0.0, 0.0, roll).T
+            self._place(name, Pose(float(pose[0, 3]), float(pose[2, 3]), math.atan2(turned[0, 2], turned[0, 0])))
+            self._data.qvel[[model.jnt_dofadr[model.joint(f".{name}.{each}").id] for each in ("x", "z", "turn")]] = 0.0
+        else:
+            joint = model.joint(f".{name}")
+            world = self._matrix(node.parent) @ pose
+            place, freedom = int(joint.qposadr[0]), int(joint.dofadr[0])
+            self._data.qpos[place : place + 3] = axes.position_to_simulation(world[:3, 3])
+            turn = axes.rotation_to_simulation(world[:3, :3])
+            mujoco.mju_mat2Quat(self._data.qpos[place + 3 : place + 7], turn.ravel())
+            self._data.qvel[freedom : freedom + 6] = 0.0
+        self._update()
+
+    def _overlaps(self) -> dict[tuple[str, str], float]:
+        """How far shapes of bases are inside of shapes that stop them, m, less than 0; by the ids of the shapes."""
+        shapes, found = self._scene.shapes, {}
+        for name, base in self._scene.bases.items():
+            for (one, other), depth in self._depths(name).items() if base.collides else ():
+                if depth < 0.0:
+                    found[shapes[one], shapes[other]] = depth
+        return found
+
+    @property
+    def tree(self) -> Tree:
+        """What it was made of: what moves is where it began. It is not to be changed; see `change`."""
+        return self._tree
+
+    def collide(self, one: str, other: str) -> bool:
+        """Whether a shape at or below one node is inside of one at or below another; a mesh counts as its hull.
+
+        What is below both counts for the second. Raises InnerModelError if there is no such node.
+        """
+        theirs = self._below(other)
+        mine = self._below(one) - theirs
+        model, data, shapes = self._scene.model, self._data, self._scene.shapes
+        first = [number for number, name in enumerate(shapes) if name in mine]
+        second = [number for number, name in enumerate(shapes) if name in theirs]
+        for each in first:
+            apart = np.linalg.norm(data.geom_xpos[second] - data.geom_xpos[each], axis=1)
+            reach = model.geom_rbound[each] + model.geom_rbound[second]
+            for near in np.array(second, dtype=int)[apart < reach].tolist():
+                if mujoco.mj_geomDistance(model, data, each, near, 1.0, None) < 0.0:
+                    return True
+        return False
+
+    def _below(self, name: str) -> set[str]:
+        """A node and all below it."""
+        _known("node", name, self._scene.frames)
+        found, waiting = set(), [name]
+        while waiting:
+            found.add(name := waiting.pop())
+            waiting += self._tree.node(name).children
+        return found
 
     def copy(self) -> World:
         """A world with the same state, which goes on by itself. It shares the model, which nothing changes."""
@@ -274,6 +391,7 @@ class World:
         for name, drive in sorted(self._drives.items()):
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
+        made.update(self._edits)
         for values in (self._motors, self._noise, self._inertias):
             made.update(repr(sorted(values.items())).encode())
         for name, pixels in sorted(self._shown.items()):
@@ -652,6 +770,12 @@ class World:
     def _drive(self, base: str) -> Drive:
         _known("base", base, self._scene.bases)
         return self._drives[base]
+
+
+def _slides(world: World, joint: str) -> bool | None:
+    """Whether a joint slides; None if there is none."""
+    found = world._scene.joints.get(joint)
+    return found.slides if found else None
 
 
 def _known(kind: str, name: str, among: Mapping[str, T]) -> T:

@@ -114,11 +114,9 @@ def test_a_name_that_no_motor_has_is_refused(operation: str, head: ComponentTest
 
 def test_states_are_published(head: ComponentTest) -> None:
     call(head, "setPosition", made(head, "MotorGoalPosition", "pan", -0.5, 0.0))
-    received: list[Any] = []
 
-    def is_told() -> bool:
-        received[:] = [states for (states,) in head.received("jointmotorpub.motorStates")]
-        return any("pan" in states and states["pan"].pos == -0.5 for states in received)
+    def told() -> list[Any]:
+        return [states for (states,) in head.received("jointmotorpub.motorStates")]
 
-    head.wait_for(is_told)
-    assert {tuple(states) for states in received} == {("pan", "tilt"), ("lift",)}
+    head.wait_for(lambda: any("pan" in states and states["pan"].pos == -0.5 for states in told()))
+    head.wait_for(lambda: {("pan", "tilt"), ("lift",)} == {tuple(states) for states in told()})

@@ -1,0 +1,43 @@
+"""What a world keeps when its tree is edited while it goes on."""
+
+from __future__ import annotations
+
+import hashlib
+
+import mujoco
+
+from ..innermodel.tree import Tree
+from .build import Scene
+
+_PLACES = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+_FREEDOMS = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
+"""Numbers in the vectors of positions and of velocities; 1 of other joints."""
+
+
+def carry(old: Scene, before: mujoco.MjData, new: Scene, after: mujoco.MjData) -> None:
+    """Give what two scenes have in common the state that it had: positions, velocities, and what servos are told."""
+    for number in range(new.model.njnt):
+        joint = new.model.joint(number)
+        found = mujoco.mj_name2id(old.model, mujoco.mjtObj.mjOBJ_JOINT, joint.name)
+        if found < 0 or old.model.jnt_type[found] != new.model.jnt_type[number]:
+            continue
+        kind = mujoco.mjtJoint(int(new.model.jnt_type[number]))
+        places, freedoms = _PLACES.get(kind, 1), _FREEDOMS.get(kind, 1)
+        place, was = new.model.jnt_qposadr[number], old.model.jnt_qposadr[found]
+        after.qpos[place : place + places] = before.qpos[was : was + places]
+        freedom, was = new.model.jnt_dofadr[number], old.model.jnt_dofadr[found]
+        for name in ("qvel", "qacc_warmstart"):
+            getattr(after, name)[freedom : freedom + freedoms] = getattr(before, name)[was : was + freedoms]
+    for number in range(new.model.nu):
+        found = mujoco.mj_name2id(old.model, mujoco.mjtObj.mjOBJ_ACTUATOR, new.model.actuator(number).name)
+        if found >= 0:
+            after.ctrl[number] = before.ctrl[found]
+
+
+def fingerprint(tree: Tree) -> bytes:
+    """The same for trees with the same nodes."""
+    made = hashlib.sha256()
+    for name in tree.ids:
+        node = tree.node(name)
+        made.update(repr((node.tag, node.parent, sorted(node.values.items()))).encode())
+    return made.digest()
