@@ -46,6 +46,7 @@ COMMANDS = (
     "monitor",
     "param",
     "log",
+    "clock",
     "record",
     "bag",
     "plot",
@@ -78,6 +79,7 @@ examples:
   rc top                              processor, rates and durations of what runs
   rc monitor                          the same in the browser, with what is missing
   rc param set wander max_speed=0.8   change a dynamic parameter; `rc log wander debug` a level
+  rc clock pause                      let a network in lock-step stand still; `rc clock step 0.5`
   rc logs wander -f --level warning   its warnings, and new ones as they come
   rc record -o run1                   record what is published; `rc bag info run1` shows it
   rc plot run1 LaserPub.scan[0].dist -o dist.svg   draw a recorded value, or `--latency`

@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Protocol
 from ..contract.component import Port
 from ..contract.interface import Verb
 from ..errors import Closed, ComponentError, RobocompError, Timeout
-from ..runtime.clock import NEVER, SECOND
+from ..runtime.clock import NEVER
 from ..threads import NO_THREAD, start_thread
 from ..wire import names
 from .balance import Balance, State
 from .line import Asked, Line, connect
 from .member import Member
+from .pace import Pace
+from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
     LOCKSTEPLEADER_INTERFACE,
@@ -124,9 +126,12 @@ class Leader:
         self._member, self._fail = member, fail
         order = [names.whole(name, settings.namespace) for name in self._clock.followers]
         self._order = {name: number for number, name in enumerate([member.instance, *order])}
+        self._pace = Pace(self._clock.speed)
         self._now = 0
         self._seats: list[_Seat] = []
         self._balance = Balance({})
+        self._is_level = True
+        """Whether nothing was under way when the components were last looked at."""
         self._connections: Connections | None = None
         self._lock = threading.Lock()
         self._joining: dict[str, int] = {}
@@ -141,6 +146,7 @@ class Leader:
     def open(self, connections: Connections) -> None:
         self._connections = connections
         connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPLEADER_INTERFACE), self)
+        connections.serve(Port(Verb.IMPLEMENTS, CLOCKCONTROL_INTERFACE), self)
 
     def begin(self) -> None:
         """Start to move the clocks, once all followers are there."""
@@ -150,6 +156,7 @@ class Leader:
 
     def close(self) -> None:
         self._closing.set()
+        self._pace.close()
         self._news.set()
         if self._thread and self._thread.ident:
             self._thread.join(_STUCK)
@@ -174,26 +181,41 @@ class Leader:
             self._joining.pop(instance, None)
             self._leaving.add(instance)
 
+    # What those ask that drive the clock.
+
+    def ClockControl_state(self) -> ClockState:
+        stand = self._pace.stand
+        with self._lock:
+            followers = [each.name[1:] for each in self._seats if each.name != self._member.instance]
+        return ClockState(self._now, stand.speed, stand.paused, followers)
+
+    def ClockControl_pause(self) -> None:
+        self._pace.pause()
+
+    def ClockControl_resume(self) -> None:
+        self._pace.resume()
+
+    def ClockControl_step(self, seconds: float) -> int:
+        return self._pace.step(seconds)
+
+    def ClockControl_setSpeed(self, speed: float) -> None:
+        self._pace.set_speed(speed)
+
     # The clock.
 
     def _run(self) -> None:
         try:
             self._gather()
             self._seat_all([_Seat(self._member.instance, self._member)])
-            begun, start = time.monotonic(), self._now
+            self._pace.begin(self._now)
             while not self._closing.is_set():
                 self._admit()
-                instant = min(each.state.due for each in self._seats)
-                if instant == NEVER:
-                    self._closing.wait(_IDLE)
-                    self._look(self._seats)
-                    continue
-                if self._clock.speed:
-                    self._closing.wait(
-                        max(0.0, begun + (instant - start) / SECOND / self._clock.speed - time.monotonic())
-                    )
-                if not self._closing.is_set():
-                    self._tick(max(instant, self._now))
+                instant = self._pace.wait(max(self._now, min(each.state.due for each in self._seats)))
+                if instant is not None:
+                    self._tick(instant)
+                elif not self._closing.is_set():
+                    self._look(self._seats, _UNKNOWN)
+                    self._is_level = False
         except Closed:
             return
         except Exception as exc:  # the component must not live on with a clock that stands still
@@ -251,6 +273,9 @@ class Leader:
     def _tick(self, instant: int) -> None:
         self._now = instant
         seats = list(self._seats)
+        if not self._is_level:
+            self._is_level = True
+            self._settle()
         for each in seats:
             if each.state.due > instant:
                 self._ask(each, partial(each.asked.step, instant))  # so that its handlers see the time

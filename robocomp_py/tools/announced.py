@@ -11,7 +11,9 @@ from ..wire import names
 PROVIDERS = frozenset(("publishes", "receives", "serves"))
 """The roles whose channels have the name of their own instance."""
 
-OWN = frozenset(("CommonBehavior", "Introspection", "IntrospectionPub", "LockstepLeader", "LockstepFollower"))
+OWN = frozenset(
+    ("CommonBehavior", "Introspection", "IntrospectionPub", "LockstepLeader", "LockstepFollower", "ClockControl")
+)
 """Interfaces of the framework, which are shown only if they are asked for."""
 
 

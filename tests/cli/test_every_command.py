@@ -50,7 +50,7 @@ def test_help_has_examples_and_tells_the_exit_codes(name: str, capsys: Said) -> 
     assert len(told.splitlines()) > 8
 
 
-@pytest.mark.parametrize("name", [BAG, "param", "action"])
+@pytest.mark.parametrize("name", [BAG, "param", "action", "clock"])
 def test_each_part_of_a_command_has_an_example(name: str, capsys: Said) -> None:
     assert ended(name, "--help") == 0
     told = capsys.readouterr().out

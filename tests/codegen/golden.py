@@ -20,6 +20,7 @@ PACKAGE = Path(robocomp_py.__file__).parent
 OWN = {
     SHIPPED / "CommonBehavior.idsl": PACKAGE / "runtime" / "RoboCompCommonBehavior.py",
     SHIPPED / "Introspection.idsl": PACKAGE / "runtime" / "RoboCompIntrospection.py",
+    SHIPPED / "Clock.idsl": PACKAGE / "lockstep" / "RoboCompClock.py",
     PACKAGE / "lockstep" / "Lockstep.idsl": PACKAGE / "lockstep" / "RoboCompLockstep.py",
 }
 """The generated files that are part of the run time, by their sources."""
