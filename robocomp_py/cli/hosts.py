@@ -8,6 +8,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .common import FINE, UNREACHABLE
@@ -30,6 +31,12 @@ def add_hosts(to: argparse.ArgumentParser) -> None:
     )
     completed(network, What.NETWORK)
     to.add_argument(
+        "--keys",
+        metavar="DIR",
+        help="folder of the keys of a network with `security lan`, made by rcdeploy keys --operator (default: with "
+        "--network, that of its rcdeploy, if it has such keys)",
+    )
+    to.add_argument(
         "--host",
         dest="hosts",
         action="append",
@@ -42,8 +49,16 @@ def add_hosts(to: argparse.ArgumentParser) -> None:
 class Hosts:
     """What runs on all hosts that the options of `add_hosts` mean."""
 
-    def __init__(self, posts: Sequence[Post], host_of: Mapping[str, str], *, here: bool) -> None:
-        self.posts, self._host_of, self._here = posts, host_of, here
+    def __init__(
+        self,
+        posts: Sequence[Post],
+        host_of: Mapping[str, str],
+        *,
+        here: bool,
+        options: Mapping[str, Mapping[str, Any]] | None = None,
+    ) -> None:
+        """`options` are those of middlewares on this host."""
+        self.posts, self._host_of, self._here, self._options = posts, host_of, here, options
         self.lost: dict[str, str] = {}
         """The hosts that the last census could not ask, and why."""
 
@@ -53,12 +68,12 @@ class Hosts:
         from ..tools.network import Network
 
         if not self.posts:
-            return take_census(middlewares, own=own)
+            return take_census(middlewares, own=own, options=self._options)
         from ..tools.posts import merged, survey
         from ..transports.deployment import deployment_of
 
         check_names(middlewares)
-        here = take_census(middlewares, own=True).ends if self._here else ()
+        here = take_census(middlewares, own=True, options=self._options).ends if self._here else ()
         elsewhere, lost, troubles = survey(self.posts, middlewares)
         for text in [why for host, why in lost.items() if host not in self.lost] + troubles:
             print(f"warning: {text}", file=sys.stderr)
@@ -90,10 +105,37 @@ def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
     processes = [each for plan in plans.values() for each in plan["processes"]]
     host_of = {instance: each["host"] for each in processes for instance in each["instances"]}
     try:
-        yield Hosts(posts, host_of, here=not options.hosts or HERE in options.hosts)
+        here = not options.hosts or HERE in options.hosts
+        yield Hosts(posts, host_of, here=here, options=_operator(plans, options))
     finally:
         for each in posts:
             each.close()
+
+
+def _operator(plans: Mapping[str, Any], options: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
+    """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
+    from ..errors import ConfigurationError
+    from ..transports.deployment import deployment_of
+    from ..transports.permissions import OPERATOR
+
+    if not (options.network or options.keys):
+        return {}
+    helpers = [each for plan in plans.values() for each in plan.get("helpers", ()) if each["keys"]]
+    found: dict[str, Mapping[str, Any]] = {}
+    for each in sorted(helpers, key=lambda each: bool(each["host"])):  # that of this host first
+        folder = Path(options.keys or Path(each["keys"]).parent, OPERATOR)
+        if not (folder / "certificate.pem").is_file():
+            continue
+        visiting = deployment_of(each["middleware"]).visiting(each["options"], str(folder), is_here=not each["host"])
+        if visiting:
+            found.setdefault(each["middleware"], visiting)
+    if options.keys and not found:
+        if not Path(options.keys, OPERATOR, "certificate.pem").is_file():
+            raise ConfigurationError(
+                f"--keys {options.keys}: there are no keys of an operator; make them: rcdeploy keys NET.ddsl --operator"
+            )
+        raise ConfigurationError("--keys: no network that needs an operator runs here")
+    return found
 
 
 def _connected(network: str, host: str) -> Any:

@@ -9,6 +9,7 @@
         curve.key  curve.key_secret
         admitted/CLIENT.key       public keys of its clients, with the channels that they use
         peers/PROVIDER.key        those of the instances that it uses, likewise
+      operator@/                  likewise, for tools; only if asked for
       router@HOST/                for each host with a helper (`router@` on the machine that launches)
         ca.pem  certificate.pem  key.pem
 
@@ -26,14 +27,16 @@ import os
 import shutil
 import stat
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..contract.interface import Verb
 from ..errors import DeploymentError
 from ..transports.deployment import deployments
 from ..transports.keyfiles import read_public
-from ..transports.permissions import Edge, Graph, Principal, common_name, file_name, router_name
+from ..transports.permissions import OPERATOR, Edge, Graph, Principal, common_name, file_name, router_name
 from . import certificates
 from .certificates import Certificate, Issued
 
@@ -60,8 +63,11 @@ class Made:
     expires: datetime.datetime | None
 
 
-def graph_of(plan: Plan) -> Graph:
-    """The allow-list: the channels that the processes of a network are wired to, and nothing else."""
+def graph_of(plan: Plan, *, operator: bool = False) -> Graph:
+    """The allow-list: the channels that the processes of a network are wired to, and nothing else.
+
+    With an operator, there is one more member, which may hear all topics and ask what components are and count.
+    """
     process_of = {instance: process.name for process in plan.processes for instance in process.instances}
     found = dict.fromkeys(
         Edge(
@@ -84,17 +90,52 @@ def graph_of(plan: Plan) -> Graph:
         Principal(each.name, each.instances, each.host, tuple(prefixes.get(each.name, ()))) for each in plan.processes
     )
     routers = {each.host or "": frozenset(each.addresses) for each in plan.helpers if each.addresses}
+    if operator:
+        home = "" if "" in routers else next(iter(routers), "")
+        principals = (*map(partial(_observed, plan), principals), Principal(OPERATOR, (), home))
+        edges = (*edges, *_of_operator(plan, process_of))
     return Graph(plan.name, principals, edges, routers, inner)
 
 
+_ASKED = "describe", "measure", "watch"
+"""What an operator may ask of `Introspection`. The rest changes components."""
+
+
+def _of_operator(plan: Plan, process_of: Mapping[str, str]) -> Iterator[Edge]:
+    for instance, ours in plan.ours.items():
+        provider = process_of[instance]
+        asked = [(f"{ours.channels}/Introspection/{name}", Verb.REQUIRES) for name in _ASKED]
+        told = [f"{ours.channels}/IntrospectionPub/{name}" for name in ("called", "logged")]
+        heard = [(channel, Verb.SUBSCRIBES) for channel in (*told, *ours.topics)]
+        for channel, verb in (*asked, *heard):
+            yield Edge(OPERATOR, provider, instance, channel, verb, channel)
+
+
+def _observed(plan: Plan, principal: Principal) -> Principal:
+    """A process that an operator looks at: all its instances provide something."""
+    own = [plan.ours[each].channels for each in principal.instances if each in plan.ours]
+    return replace(principal, channels=tuple(dict.fromkeys((*principal.channels, *own))))
+
+
+def has_operator(folder: Path) -> bool:
+    """Whether keys of an operator were made there."""
+    return (folder / OPERATOR / "certificate.pem").is_file()
+
+
 def make_keys(
-    plan: Plan, folder: Path, now: datetime.datetime, *, days: float = DAYS, renew: bool = False
+    plan: Plan,
+    folder: Path,
+    now: datetime.datetime,
+    *,
+    days: float = DAYS,
+    renew: bool = False,
+    operator: bool | None = None,
 ) -> tuple[Made, ...]:
     """Make what is missing, expired or soon to expire; with `renew`, everything except the authority.
 
-    Raises DeploymentError.
+    `operator`: whether tools get keys; None: if they had some. Raises DeploymentError.
     """
-    graph = graph_of(plan)
+    graph = graph_of(plan, operator=has_operator(folder) if operator is None else operator)
     try:
         return tuple(_Maker(graph, folder, now, days, renew).make())
     except OSError as exc:
@@ -109,7 +150,7 @@ def troubles(
     `network` is the file as the command line names it, with all options that change what is planned.
     Raises DeploymentError.
     """
-    graph = graph_of(plan)
+    graph = graph_of(plan, operator=has_operator(folder))
     errors: list[str] = []
     warnings: list[str] = []
     again = f"run: rcdeploy keys {network} -o {folder}"
@@ -163,7 +204,7 @@ def contents(graph: Graph) -> dict[str, tuple[str, ...]]:
 
 def numbers(plan: Plan, folder: Path) -> dict[str, int]:
     """The number of each process. Raises DeploymentError if there are no keys."""
-    graph = graph_of(plan)
+    graph = graph_of(plan, operator=has_operator(folder))
     found = {each.name: _identity(folder / each.folder).get("number", -1) for each in graph.principals}
     if -1 in found.values():
         raise DeploymentError(f"there are no keys of {graph.name} in {folder}")

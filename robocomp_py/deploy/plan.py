@@ -72,6 +72,8 @@ class Ours:
     """The prefix of its channels."""
     over: tuple[str, ...]
     """The middlewares that it opens, each with its domain if one is set."""
+    topics: tuple[str, ...] = ()
+    """The channels that it publishes."""
 
 
 @dataclass(frozen=True)

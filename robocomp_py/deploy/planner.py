@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 
 from .. import installed
 from ..contract.component import Component, Port
-from ..contract.interface import Verb
+from ..contract.interface import Pattern, Verb
 from ..contract.middleware import AUTO, carrier
 from ..contract.parameters import Complaint, ParameterSet
 from ..dsl.cdsl.qos import read_qos as qos_of
@@ -192,7 +192,14 @@ class _Planner:
             f"{name} {each.settings.transports.get(name, {}).get('domain', '')}".strip()
             for name in (each.middlewares() | self._choice.carriers.get(each.name, frozenset())) - {""}
         }
-        return Ours(folder.resolve(), each.component.fingerprints(), each.channels, tuple(sorted(over)))
+        topics = tuple(
+            "/".join((part.channels, part.component.segment(port), name))
+            for part in each.parts
+            for port in part.component.ports
+            if port.verb.provides
+            for name in _topics(port)
+        )
+        return Ours(folder.resolve(), each.component.fingerprints(), each.channels, tuple(sorted(over)), topics)
 
     # The network as a whole.
 
@@ -752,6 +759,15 @@ def _operations(client: Node, interface: str) -> int:
     return max(
         (len([*port.interface.contracts(port.verb)]) for port in wanted if port.interface.short == interface), default=1
     )
+
+
+def _topics(port: Port) -> Iterator[str]:
+    """What a port publishes, parts of actions included."""
+    for operation, pattern in port.interface.under(port.verb):
+        if pattern is Pattern.PUBLISH:
+            yield operation.name
+    for action in port.interface.actions_under(port.verb):
+        yield from (part.name for part in action.topics)
 
 
 def _at_port(port: int, provider: Configured | None = None) -> Iterator[str]:

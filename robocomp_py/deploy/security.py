@@ -164,7 +164,8 @@ def secured(plan: Plan, folder: Path) -> Plan:
 def _with_own(helper: Helper, plan: Plan, folder: Path) -> Helper:
     own = folder / router_name(helper.host or "")
     numbers = keys.numbers(plan, folder)
-    options = deployment_of(helper.middleware).secured(helper, keys.graph_of(plan), own, numbers)
+    graph = keys.graph_of(plan, operator=keys.has_operator(folder))
+    options = deployment_of(helper.middleware).secured(helper, graph, own, numbers)
     return dataclasses.replace(helper, options=options, keys=str(own))
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -47,7 +49,8 @@ class Access:
     """
 
     def __init__(self) -> None:
-        self._transports: dict[str, Transport] = {}
+        self._transports: dict[tuple[str, str], Transport] = {}
+        """By the middleware and its options."""
         self._opening = threading.Lock()
         self._kept: dict[tuple[str, str, int], tuple[Caller, Call[Any]]] = {}
         """Links of queries that are called again; closed with their transports."""
@@ -67,7 +70,7 @@ class Access:
 
         No publisher waits for a tool. Raises ValueError if the contract is not understood, and TransportError.
         """
-        transport = self._transport(channel.middlewares[0])
+        transport = self._of(channel)
         durability = channel.qos.durability if latched else Durability.VOLATILE
         qos = QoS(Reliability.BEST_EFFORT, durability, depth=depth)
         path = replace(_path(channel, qos), tap=True, headed=headed)
@@ -75,7 +78,7 @@ class Access:
 
     def codec(self, channel: Channel) -> Codec:
         """That of the payloads which `hear` would pass on."""
-        return self._transport(channel.middlewares[0]).codec
+        return self._of(channel).codec
 
     def ask(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """Call a query; returns its outputs. `values` are those of the request, as `wire.json` makes them.
@@ -128,7 +131,7 @@ class Access:
     def outlet(self, channel: Channel) -> tuple[Outlet, Call[Any]]:
         """A link that sends commands or publications, and what encodes them. Publications reach the visible subscribers
         once `base.wait_connected` has returned."""
-        transport = self._transport(channel.middlewares[0])
+        transport = self._of(channel)
         return transport.outlet(_path(channel, channel.qos)), Call(channel.operation, transport.codec)
 
     def sender(
@@ -144,15 +147,20 @@ class Access:
         return transport.outlet(path), transport.codec
 
     def _caller(self, channel: Channel) -> tuple[Caller, Call[Any]]:
-        transport = self._transport(channel.middlewares[0])
+        transport = self._of(channel)
         return transport.caller(_path(channel)), Call(channel.operation, transport.codec)
 
-    def _transport(self, middleware: str) -> Transport:
+    def _of(self, channel: Channel) -> Transport:
+        return self._transport(channel.middlewares[0], channel.options)
+
+    def _transport(self, middleware: str, options: Mapping[str, Any] | None = None) -> Transport:
+        key = middleware, json.dumps(options or {}, sort_keys=True, default=str)
         with self._opening:
-            if middleware not in self._transports:
-                self._transports[middleware] = transport = find_transport(middleware)(TransportConfig(owner=TOOL))
+            if key not in self._transports:
+                config = TransportConfig(options or {}, owner=TOOL)
+                self._transports[key] = transport = find_transport(middleware)(config)
                 self._end.callback(transport.close)
-            return self._transports[middleware]
+            return self._transports[key]
 
 
 def _answer(caller: Caller, call: Call[Any], values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from .. import installed
 from ..errors import ConfigurationError, TransportError
@@ -11,17 +12,20 @@ from ..transports.deployment import deployment_of, deployments
 from .network import End, Network
 
 
-def take_census(middlewares: Sequence[str] = (), *, own: bool = False) -> Network:
+def take_census(
+    middlewares: Sequence[str] = (), *, own: bool = False, options: Mapping[str, Mapping[str, Any]] | None = None
+) -> Network:
     """What runs now over these middlewares, by default over all that can tell.
 
-    With `own`, the interfaces of the framework are shown, too. Raises ConfigurationError if a named middleware cannot
-    tell, and TransportError.
+    With `own`, the interfaces of the framework are shown, too. `options` are those of middlewares.
+
+    Raises ConfigurationError if a named middleware cannot tell, and TransportError.
     """
     with installed.asked_once():
         check_names(middlewares)
         ends: list[End] = []
         for name in middlewares or _nearest_first(deployments()):
-            found = _ends(name)
+            found = _ends(name, (options or {}).get(name, {}))
             if found is None and middlewares:
                 raise ConfigurationError(f"{name} cannot tell what uses it")
             ends += found or ()
@@ -58,11 +62,11 @@ def _nearest_first(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: (deployment_of(name).near is None, name))
 
 
-def _ends(middleware: str) -> list[End] | None:
+def _ends(middleware: str, options: Mapping[str, Any]) -> list[End] | None:
     try:
-        found = deployment_of(middleware).census({})
+        found = deployment_of(middleware).census(options)
     except ImportError:
         return None  # so no component on this host uses it
     except TransportError as exc:
         raise TransportError(f"{middleware}: {exc}") from exc
-    return None if found is None else [End(middleware, told) for told in found]
+    return None if found is None else [End(middleware, told, options=options) for told in found]

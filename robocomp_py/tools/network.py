@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -48,6 +48,8 @@ class End:
     """Where its process runs, by the name in its network; "" for this host, or if that is not known."""
     via: Post | None = field(default=None, compare=False)
     """The scout that tells of it; None if this process sees it itself."""
+    options: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    """With which this process opens its middleware."""
 
     @property
     def role(self) -> str:
@@ -93,6 +95,11 @@ class Channel:
         """The scout through which it can be reached; None if this process reaches it itself."""
         ends = self.providers or self.users
         return ends[0].via if ends and all(each.via for each in ends) else None
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """With which this process opens the first of its middlewares."""
+        return next((each.options for each in self.providers or self.users if each.via is None), {})
 
     @property
     def texts(self) -> dict[int, str]:

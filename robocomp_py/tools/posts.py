@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any, Protocol
 
 from ..errors import DeploymentError, HostUnreachable, RobocompError
@@ -233,5 +234,5 @@ def merged(
         host = each.host if local(each.middleware) else host_of.get(each.told.owner, each.host)
         told = each.told
         key = each.middleware, host, told.owner, told.pid, told.role, told.channel, told.fingerprint
-        found.setdefault(key, End(each.middleware, told, host, each.via))
+        found.setdefault(key, replace(each, host=host))
     return list(found.values())

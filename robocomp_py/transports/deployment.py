@@ -190,6 +190,12 @@ class Deployment:
         """A new public and secret key of a process, 40 characters of Z85 each; empty if it needs none."""
         return b"", b""
 
+    def visiting(self, options: Mapping[str, Any], keys: str, *, is_here: bool) -> Mapping[str, Any]:
+        """The options of a tool that takes part by a helper with these options, as the operator whose folder of keys
+        this is; empty if it needs none. `is_here`: whether the helper runs on this host.
+        """
+        return {}
+
     def secured(self, helper: Helper, graph: Graph, folder: Path, numbers: Mapping[str, int]) -> Mapping[str, Any]:
         """The options of a helper which is to let in only members of the graph.
 

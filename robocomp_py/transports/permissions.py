@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..contract.interface import Verb
 
+OPERATOR = "operator@"
+"""The member of a network that tools are, if its keys were made; no process can have this name."""
+
 LONGEST_NAME = 64
 """Octets of a common name that certificates have room for."""
 
@@ -57,6 +60,10 @@ class Graph:
     inner: tuple[Edge, ...] = ()
     """What instances of one process use of each other."""
 
+    @property
+    def has_operator(self) -> bool:
+        return any(each.name == OPERATOR for each in self.principals)
+
     def uses(self, client: str) -> tuple[Edge, ...]:
         return tuple(edge for edge in self.edges if edge.client == client)
 
@@ -66,7 +73,7 @@ class Graph:
 
 def file_name(name: str) -> str:
     """The name of a folder, or file, for a process or an instance."""
-    return re.sub(r"[^A-Za-z0-9_-]", ".", name)
+    return name if name == OPERATOR else re.sub(r"[^A-Za-z0-9_-]", ".", name)
 
 
 def router_name(host: str) -> str:

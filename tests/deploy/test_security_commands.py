@@ -69,6 +69,17 @@ def test_keys_are_made_beside_the_network_and_listed_with_their_expiry(
     assert "CURVE keys of driver: there already" in told
 
 
+def test_tools_get_keys_only_on_request(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rcdeploy(["keys", str(net)]) == 0
+    assert "operator" not in capsys.readouterr().out
+    assert rcdeploy(["keys", str(net), "--operator"]) == 0
+    assert "certificate of operator@: made" in capsys.readouterr().out
+    assert rcdeploy(["keys", str(net)]) == 0
+    assert "certificate of operator@: there already" in capsys.readouterr().out
+    assert rcdeploy(["keys", str(net), "--no-operator"]) == 0
+    assert "operator@ removed" in capsys.readouterr().out
+
+
 def test_the_folder_can_be_chosen(net: Path, tmp_path: Path) -> None:
     assert rcdeploy(["keys", str(net), "-o", str(tmp_path / "elsewhere")]) == 0
     assert (tmp_path / "elsewhere" / "ca" / "ca.key").is_file()

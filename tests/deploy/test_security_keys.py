@@ -17,11 +17,15 @@ from robocomp_py.deploy.keys import (
     files_of,
     folder_of,
     graph_of,
+    has_operator,
     make_keys,
+    numbers,
     troubles,
 )
+from robocomp_py.deploy.plan import Ours, Plan
 from robocomp_py.errors import DeploymentError
 from robocomp_py.transports.keyfiles import read_public
+from robocomp_py.transports.permissions import OPERATOR
 from robocomp_py.transports.zenoh.access import access_control
 from robocomp_py.transports.zenoh.deployment import router
 from robocomp_py.transports.zeromq.curve import key_pair
@@ -299,6 +303,66 @@ def test_of_another_host_its_router_may_what_its_processes_may() -> None:
     assert set(there) == {"viewer", "router@"}
     assert here["router@onboard"] == there["viewer"]
     assert there["router@"] == here["camera"] | here["other"]
+
+
+# The operator.
+
+
+def watched() -> Plan:
+    """A network whose camera publishes news, and whose `other` has no connection."""
+    ours = {
+        name: Ours(Path("/x"), {}, f"robot/{name}", ("zenoh",), topics)
+        for name, topics in (("camera", ("robot/camera/Everything/news",)), ("viewer", ()), ("other", ()))
+    }
+    return replace(network(router="tls/10.0.0.1:20000"), ours=ours)
+
+
+def test_an_operator_may_hear_all_topics_and_ask_what_components_are_and_nothing_else() -> None:
+    graph = graph_of(watched(), operator=True)
+    may = {(edge.channel, edge.verb) for edge in graph.uses(OPERATOR)}
+    assert may == {
+        *((f"robot/{name}/Introspection/{asked}", Verb.REQUIRES)
+          for name in ("camera", "viewer", "other") for asked in ("describe", "measure", "watch")),
+        *((f"robot/{name}/IntrospectionPub/{told}", Verb.SUBSCRIBES)
+          for name in ("camera", "viewer", "other") for told in ("called", "logged")),
+        ("robot/camera/Everything/news", Verb.SUBSCRIBES),
+    }  # fmt: skip
+    assert graph.used_by(OPERATOR) == ()
+    rules = allowed(access_control(graph, "", {"camera": 0xCA, "viewer": 1, "other": 2, OPERATOR: 3}))
+    sent = {each for each in rules[OPERATOR] if each.startswith(("put", "query")) and "/text" not in each}
+    assert all("Introspection/" in each or "rc_ack" in each or "history" in each or "who" in each for each in sent), (
+        sent
+    )
+    assert "reply rc_ask/*/*/*/who" in rules["other"]
+    assert "liveliness_token rc_lv/*/serves/*/*/*/0002$*/robot/other/**" in rules["other"]
+
+
+def test_without_an_operator_no_rule_is_for_one(folder: Path) -> None:
+    plan = watched()
+    made(plan, folder)
+    assert not graph_of(plan).has_operator
+    assert not has_operator(folder)
+    assert "who" not in str(access_control(graph_of(plan), "", numbers(plan, folder)))
+
+
+def test_keys_of_an_operator_are_made_kept_and_removed_on_request(folder: Path) -> None:
+    plan = watched()
+    make_keys(plan, folder, NOW, operator=True)
+    assert has_operator(folder)
+    assert (folder / "camera" / "admitted" / f"{OPERATOR}.key").is_file()
+    assert troubles(plan, folder, NOW) == ([], [])
+    assert not any(each.is_new for each in make_keys(plan, folder, NOW))
+    assert has_operator(folder)
+    make_keys(plan, folder, NOW, operator=False)
+    assert not (folder / OPERATOR).exists()
+    assert not (folder / "camera" / "admitted" / f"{OPERATOR}.key").exists()
+    assert troubles(plan, folder, NOW) == ([], [])
+
+
+def test_no_host_gets_the_keys_of_an_operator(folder: Path) -> None:
+    plan = watched()
+    make_keys(plan, folder, NOW, operator=True)
+    assert OPERATOR not in {each.name for each in files_of(plan, "", folder)}
 
 
 def allowed(rules: dict[str, Any]) -> dict[str, set[str]]:

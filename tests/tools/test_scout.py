@@ -9,6 +9,7 @@ import os
 import queue
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -183,6 +184,16 @@ def test_a_wrong_name_of_a_host_or_a_network_is_told(capsys: pytest.CaptureFixtu
         assert "did you mean 'base'" in capsys.readouterr().err.replace("`", "'")
         assert rc.main(["list", "--network", "work"]) == 1
         assert "network `work` is not running" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("own_runtime_folder")
+def test_keys_that_are_not_those_of_an_operator_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc.main(["list", "--keys", str(tmp_path)]) == USAGE
+    assert "make them: rcdeploy keys NET.ddsl --operator" in capsys.readouterr().err
+    (tmp_path / "operator@").mkdir()
+    (tmp_path / "operator@" / "certificate.pem").touch()
+    assert rc.main(["list", "--keys", str(tmp_path)]) == USAGE
+    assert "no network that needs an operator runs here" in capsys.readouterr().err
 
 
 @pytest.fixture

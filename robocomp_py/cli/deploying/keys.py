@@ -21,6 +21,7 @@ HELP = "make the keys and certificates of a network"
 _EXAMPLES = """\
 examples:
   rcdeploy keys net.ddsl              make what is missing, has expired, or will within 30 days
+  rcdeploy keys net.ddsl --operator   ... also for tools: rc echo --network net.ddsl LaserPub
   rcdeploy keys net.ddsl --renew      make all of them again, except the authority
   rcdeploy keys net.ddsl --days 90    ... certificates for three months, instead of a year
   rcdeploy keys net.ddsl -o DIR       ... in that folder; start it with rcdeploy net.ddsl --keys DIR
@@ -33,6 +34,12 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Make the keys and certificates of a network with `security lan`.", _EXAMPLES
     add_network(to)
     add_keys(to, ("-o", "--keys"))
+    to.add_argument(
+        "--operator",
+        action=argparse.BooleanOptionalAction,
+        help="also make, or remove, keys for tools such as rc echo: they may hear all topics, and ask components what "
+        "they are and count (default: as it is)",
+    )
     to.add_argument("--renew", action="store_true", help="make all keys and certificates again")
     to.add_argument("--days", type=_days, metavar="N", help="validity of the certificates in days (default: 365)")
 
@@ -48,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     folder = keys_of(plan, options)
     now = datetime.datetime.now(datetime.UTC)
     try:
-        made = make_keys(plan, folder, now, days=options.days or DAYS, renew=options.renew)
+        made = make_keys(plan, folder, now, days=options.days or DAYS, renew=options.renew, operator=options.operator)
     except DeploymentError as exc:
         return complain(f"rcdeploy: {exc}")
     print(f"keys of {plan.name} in {folder}")

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...contract.interface import Verb
 from ...wire import names
-from ..permissions import Graph, Principal, common_name, router_name
+from ..permissions import OPERATOR, Graph, Principal, common_name, router_name
 
 
 def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[str, Any]:
@@ -82,6 +82,8 @@ def _needs(graph: Graph, principal: Principal, numbers: Mapping[str, int]) -> It
     for prefix in own:  # a process provides channels only under its own names
         yield from on((*_HEAR, *_ANSWER, *_SEND), f"rc/*/{prefix}/**")
         yield from on(_BE_SEEN, *(f"rc_lv/*/{role}/*/*/*/{mine}/{prefix}/**" for role in _PROVIDING))
+    if graph.has_operator:
+        yield from on(_ASK if principal.name == OPERATOR else ("reply",), "rc_ask/*/*/*/who")
     within = [edge for edge in graph.inner if edge.client == principal.name]
     for edge in (*graph.uses(principal.name), *within):
         theirs, in_token = _links_of(numbers[edge.provider]), edge.looked_up.replace(names.ANY, ".")

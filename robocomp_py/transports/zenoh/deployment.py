@@ -67,6 +67,13 @@ class ZenohDeployment(Deployment):
             instead = "write tls/ADDRESS:PORT, which `security lan` requires, or remove it: rcdeploy sets it"
             yield Reached("connects to", str(each), "" if str(each).startswith("tls/") else instead)
 
+    def visiting(self, options: Mapping[str, Any], keys: str, *, is_here: bool) -> Mapping[str, Any]:
+        listening = options.get("router", {}).get("listen/endpoints", ())
+        endpoints = [str(each) for each in listening if str(each).startswith("tls/")]
+        if not endpoints:
+            return {}
+        return {"connect": endpoints[-1 if is_here else 0], "keys": keys}  # the last one is that of its own host
+
     def secured(self, helper: Helper, graph: Graph, folder: Path, numbers: Mapping[str, int]) -> Mapping[str, Any]:
         from .access import access_control
 

@@ -169,6 +169,35 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     gone(site, "robot", "base")
 
 
+def test_an_operator_hears_all_and_calls_nothing_but_introspection(site: Site):
+    site.host("base")
+    net = site.network(
+        "Component echo : Echo { }; Component second : Echo { host base; };"
+        "Component asker : Asker { host base; requires Echo from echo; subscribesTo Tick from echo; };"
+        "Component more : Asker { requires Echo from second; subscribesTo Tick from second; };",
+        "security lan; middleware zenoh;",
+    )
+    made = site.done("keys", net, "--operator")
+    assert made.code == 0, made.text
+    run = site.run(net)
+    run.says("second │ .*ready")
+    run.says("echo │ .*ready")
+    here = ("--host", "here", "--network", net)
+    assert site.rc("list", "--host", "here").code == 1
+    listed = [json.loads(line) for line in site.rc("list", "--json", *here).lines]
+    assert {"echo", "second"} <= {each["owner"] for each in listed}
+    heard = site.rc("echo", "second/Tick", "-n", "1", *here)
+    assert heard.code == 0, heard.text
+    measured = [json.loads(line) for line in site.rc("top", "--once", "--json", *here).lines]
+    assert {"echo", "second"} <= {each["component"] for each in measured}
+    refused = site.rc("call", "second/Echo/twice", "value=1", *here)
+    assert refused.code == 1
+    assert "keys of this process do not allow it" in refused.text
+    run.signal(signal.SIGINT)
+    run.wait()
+    gone(site, "base")
+
+
 def test_nothing_is_reached_but_where_the_network_says(site: Site):
     robot = site.host("robot")
     base = site.host("base")
