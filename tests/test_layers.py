@@ -79,6 +79,7 @@ FORBIDDEN: dict[str, set[str]] = {
     | {"mcap", "matplotlib", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.tools.drawing": BUILD | MIDDLEWARES | {"matplotlib", "mcap", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.tools.recording.writer": BUILD | MIDDLEWARES | {"mcap", "msgpack"},
+    "robocomp_py.tools.mcp.requests": BUILD | MIDDLEWARES | {"mcp", "anyio", "msgpack", "robocomp_py.deploy"},
     "robocomp_py.runtime.load": BUILD | MIDDLEWARES | {"robocomp_py.classic", "lib2to3"},
     "robocomp_py.tools.announced": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract", "robocomp_py.runtime"},
     "robocomp_py.cli.candidates": MIDDLEWARES | {"numpy", "dataclasses", "robocomp_py.dsl", "robocomp_py.deploy"},

@@ -55,6 +55,7 @@ COMMANDS = (
     "sim",
     "logs",
     "foxglove",
+    "mcp",
     "completion",
     "run",
 )
@@ -85,6 +86,7 @@ examples:
   rc plot run1 LaserPub.scan[0].dist -o dist.svg   draw a recorded value, or `--latency`
   rc replay run1 --only LaserPub      publish it again, as it was in time
   rc foxglove                         show what runs, or a recording, in Foxglove
+  rc mcp rescue                       what an agent, such as a language model, talks to
   rc rerun wander wander.mcap         run its code again, against its diary
   rc sim new house.xml -o house       a component that simulates a scene
   rc host zenoh                       the router that components share, if nothing else runs it

@@ -1,0 +1,121 @@
+"""`rc mcp`: lets an agent read a running network, and call what the network allows."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+from .common import FINE, USAGE
+from .completing import What, completed
+from .live import Absent, add_middleware, count, reported
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..deploy.logs import Logs
+
+NAME = "mcp"
+HELP = "let an agent, such as a language model, read a network, and call what it allows"
+
+_EXAMPLES = """\
+examples:
+  rc mcp rescue                          what a client of MCP starts, for a network that runs
+  rc mcp net.ddsl --calls-per-minute 5
+
+A client starts it with a configuration such as this. Most clients pass few variables on: XDG_RUNTIME_DIR is needed
+if the network was started with it.
+  {"mcpServers": {"robot": {"command": "rc", "args": ["mcp", "rescue"], "env": {"XDG_RUNTIME_DIR": "/run/user/1000"}}}}
+
+Topics, parameters and measures may be read. Operations are called only if the network lists them:
+  allow wander/GotoPoint/go;
+Everything that is asked is in rc-mcp.log beside the logs of the network, and on stderr. It needs:
+  pip install 'robocomp-py[mcp]'
+
+exit status: 0 the client has ended it, 1 the network does not run, 2 usage, 130/143 by a signal
+"""
+
+LOG = "rc-mcp"
+"""The name of its log among those of a network; no process of a network can have it."""
+
+
+def add_arguments(to: argparse.ArgumentParser) -> None:
+    to.description = (
+        "Serve the Model Context Protocol at stdin and stdout, so that an agent can see what runs in a network, read "
+        "its topics, and call the operations that the network lists with `allow`."
+    )
+    to.epilog = _EXAMPLES
+    to.formatter_class = argparse.RawDescriptionHelpFormatter
+    completed(
+        to.add_argument("network", metavar="NET", help="a running network, by its name or its file"), What.NETWORK
+    )
+    about = "how many operations it may call in a minute (default: 30)"
+    to.add_argument("--calls-per-minute", type=count, default=30, metavar="N", help=about)
+    add_middleware(to)
+
+
+def run(options: argparse.Namespace) -> int:
+    from ..tools.mcp import need_mcp
+
+    with reported("rc mcp") as code:
+        need_mcp()
+        if sys.stdin.isatty():
+            print("rc mcp: a client of MCP starts this, and talks to it; see docs/guides/mcp.md", file=sys.stderr)
+            return USAGE
+        return _serve(options)
+    return code()
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from functools import partial
+
+    import anyio
+
+    from .. import __version__
+    from ..deploy.client import network_of, running_plan
+    from ..tools.access import Access
+    from ..tools.census import take_census
+    from ..tools.mcp.bounds import Bounds
+    from ..tools.mcp.permissions import permissions_of
+    from ..tools.mcp.requests import Requests
+    from ..tools.mcp.server import make_server, serve_stdio
+
+    network = network_of(options.network)
+    plan = running_plan(network)
+    if plan is None:
+        raise Absent(f"network `{network}` does not run here; start it: rcdeploy up {options.network}")
+    permissions = permissions_of(plan)
+    logs, write = _log(network)
+    try:
+        with Access() as access:
+            census = partial(take_census, options.middleware)
+            requests = Requests(access, census, permissions, write, Bounds(calls_a_minute=options.calls_per_minute))
+            write("INFO", f"begins; allowed: {', '.join(requests.allowed) or 'no call'}")
+            try:
+                anyio.run(serve_stdio, make_server(requests, network, __version__))
+            finally:
+                write("INFO", "ends")
+    finally:
+        logs.close()
+    return FINE
+
+
+def _log(network: str) -> tuple[Logs, Callable[[str, str], Any]]:
+    """Where the network keeps its logs, and what writes a line there and to stderr."""
+    import threading
+
+    from ..deploy.logs import Logs
+    from ..deploy.place import Place
+    from ..deploy.ring import Line
+
+    place = Place(network)
+    last = place.last_run()
+    logs, lock = Logs(last.logs if last else place.logs), threading.Lock()
+
+    def write(level: str, text: str) -> None:
+        with lock:
+            logs.write(Line(time.time(), LOG, f"{level}: {text}"))
+            print(f"rc mcp: {text}", file=sys.stderr, flush=True)
+
+    return logs, write
