@@ -26,8 +26,9 @@ from ..innermodel.boxes import extents
 from ..innermodel.mesh import read_mesh
 from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
-from . import servos
+from . import grippers, servos
 from .contacts import part
+from .grippers import Gripper
 from .looks import GREY, Looks, Pixels, colour_of
 from .parameters import BASES, JOINTS, Parameters, checked
 
@@ -114,6 +115,7 @@ class Scene:
     """Which geoms stop a base while physics is off, and belong to what is stopped; shape (number of geoms,)."""
     tree: Tree
     """What it was made of."""
+    grippers: Mapping[str, Gripper]
     cameras: Mapping[str, int]
     """The numbers of cameras, in a model to be drawn."""
     displays: Mapping[str, int]
@@ -178,6 +180,9 @@ def build(
         servos.add_to_base(spec, _PREFIX + name)
     for name in building.joints:
         servos.add_to_joint(spec, _PREFIX + name)
+    for name in (each for each, values in building.parameters.items() if "suction" in values):
+        body, _ = building.frames[name]
+        grippers.add(spec, _PREFIX + name, body, _free(building, body))
     return _compiled(building)
 
 
@@ -302,6 +307,9 @@ def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: An
     friction = _nearest(building, node, "friction")
     if friction is not None:
         made |= {"friction": (friction, *_ROLLING)}
+    belt = building.parameters.get(node.id, {}).get("belt", 0.0)
+    if belt:
+        made |= {"surfacevel": (belt / 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0)}
     shape = body.add_geom(**made)
     if body.name == "world":
         building.fixed[_PREFIX + node.id] = shape, made
@@ -357,10 +365,33 @@ def _compiled(building: _Building) -> Scene:
     servos.tune(model, start, forces)
     shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(model.ngeom))
     stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
+    reaches = {name: values["suction"] / 1000.0 for name, values in building.parameters.items() if "suction" in values}
+    held = {name: _gripper(building, model, name, reach) for name, reach in reaches.items()}
     looks = building.looks
     eyes = {name: model.camera(_PREFIX + name).id for name in looks.lenses} if looks else {}
     displays = {name: model.texture(picture).id for name, picture in looks.displays.items()} if looks else {}
-    return Scene(model, frames, bases, joints, start, shapes, stops, tree, eyes, displays)
+    return Scene(model, frames, bases, joints, start, shapes, stops, tree, held, eyes, displays)
+
+
+def _free(building: _Building, body: str) -> dict[str, str]:
+    """The bodies that move freely, by their ids; without that which carries a body."""
+    own = building.trees.get(body)
+    return {
+        node.id: _PREFIX + node.id
+        for node in map(building.tree.node, building.tree.ids)
+        if node.values.get("engine") == "bullet" and _PREFIX + node.id != own
+    }
+
+
+def _gripper(building: _Building, model: mujoco.MjModel, name: str, reach: float) -> Gripper:
+    below = {name}
+    for each in building.tree.ids:  # parents first
+        if building.tree.node(each).parent in below:
+            below.add(each)
+    shapes = [number for number in range(model.ngeom) if model.geom(number).name.removeprefix(_PREFIX) in below]
+    body, _ = building.frames[name]
+    free = {each: np.flatnonzero(_shapes(model, other)).tolist() for each, other in _free(building, body).items()}
+    return grippers.made(model, _PREFIX + name, reach, shapes, free)
 
 
 def _model(spec: mujoco.MjSpec) -> mujoco.MjModel:

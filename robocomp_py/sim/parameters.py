@@ -26,12 +26,16 @@ class Parameter:
     """The lowest value."""
     needs: str
     """Which nodes have it, for messages."""
+    usual: float = -1.0
+    """The value that stands for none, where one has to be written."""
 
 
 PARAMETERS = {
     "mass": Parameter("mass of a body without what moves on it, kg", 1e-6, "a base, a joint or a free body"),
     "friction": Parameter("friction of a shape, or of all shapes below the node", 0.0, "a shape, or a node above one,"),
     "force": Parameter("the most that a motor gives, N; N m if it turns", 0.0, "a base or a joint"),
+    "belt": Parameter("speed of the surface of a shape along its z, mm/s", -math.inf, "a plane", 0.0),
+    "suction": Parameter("how far a suction cup or magnet reaches, mm", 0.0, "a shape, or a node above one,"),
 }
 """All parameters by their names."""
 
@@ -69,7 +73,9 @@ def _problem(tree: Tree, node: Node, key: str, value: object) -> str:
 
 
 def _has(tree: Tree, node: Node, key: str) -> bool:
-    if key == "friction":
+    if key == "belt":
+        return node.tag == "plane"
+    if key in ("friction", "suction"):
         return node.tag in SHAPES or any(_has(tree, tree.node(child), key) for child in node.children)
     moves = node.tag in (*BASES, *JOINTS)
     return moves or (key == "mass" and node.values.get("engine") == "bullet")

@@ -37,10 +37,10 @@ class Command(NamedTuple):
     at: float
     """s since the beginning of the plan."""
     node: str
-    """A base or a joint."""
+    """A base, a joint or a gripper."""
     values: tuple[float, ...]
     """Of a base: ahead and aside in mm/s, and turn in rad/s; it holds as `World.drive` says. Of a joint: its position
-    in rad or mm, and its speed per second, or 0: at once."""
+    in rad or mm, and its speed per second, or 0: at once. Of a gripper: 1 to grip, 0 to release."""
 
 
 Policy = Callable[[World], None]
@@ -102,14 +102,13 @@ def _followed(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[
     waiting = [] if callable(plan) else sorted(plan, key=lambda each: each.at, reverse=True)
     touched: dict[tuple[str, str], float] = {}
     times: list[float] = []
-    poses: dict[str, list[Array]] = {name: [] for name in world.movable}
+    poses: list[Array] = []
     least = [math.inf] * len(watched)
     failed = ""
     for tick in range(ticks + 1):
         if tick % period == 0 or tick == ticks:
             times.append(tick * world.tick)
-            for name, found in poses.items():
-                found.append(world.matrix(name))
+            poses.append(world.poses())
             least = [min(so_far, world.distance(*pair)) for so_far, pair in zip(least, watched, strict=True)]
         if tick == ticks:
             break
@@ -126,7 +125,7 @@ def _followed(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[
             touched.setdefault(pair, (tick + 1) * world.tick)
     return Outcome(
         np.array(times),
-        {name: np.array(found) for name, found in poses.items()},
+        dict(zip(world.movable, np.array(poses).swapaxes(0, 1), strict=True)),
         tuple(Touching(*pair, time) for pair, time in touched.items()),
         tuple(least),
         world.digest(),
@@ -137,8 +136,12 @@ def _followed(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[
 def _tell(world: World, command: Command) -> None:
     if command.node in world.bases:
         world.drive(command.node, *command.values)
-    else:
+    elif command.node in world.joints:
         world.move_joint(command.node, *command.values)
+    elif command.values[0]:
+        world.grip(command.node)
+    else:
+        world.release(command.node)
 
 
 def _check(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[str, str]]) -> None:
@@ -146,11 +149,13 @@ def _check(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[str
         raise ValueError(f"a plan of {horizon} s: it has to be more than 0 and at most {MOST_TIME:g}")
     for pair in watched:
         world.distance(*pair)
+    told = ((3, world.bases), (2, world.joints), (1, world.grippers))
     for command in () if callable(plan) else plan:
-        is_base = command.node in world.bases
-        if not is_base and command.node not in world.joints:
-            raise InnerModelError(unknown("base or joint", command.node, [*world.bases, *world.joints]))
-        most = 3 if is_base else 2
+        most = next((count for count, nodes in told if command.node in nodes), 0)
+        if not most:
+            raise InnerModelError(
+                unknown("base, joint or gripper", command.node, [each for _, nodes in told for each in nodes])
+            )
         if not 1 <= len(command.values) <= most or not all(map(math.isfinite, (command.at, *command.values))):
             raise ValueError(f"{command}: it needs a time, and 1 to {most} values that are finite numbers")
         if command.at < 0.0:

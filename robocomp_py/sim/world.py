@@ -9,6 +9,7 @@ the right. The state is all in a `World`, so its copy is a world of its own, whi
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 import struct
@@ -33,6 +34,7 @@ from .devices.imu import read as read_imu
 from .devices.laser import Laser
 from .devices.touch import Touch
 from .edits import carry, fingerprint
+from .grippers import hold, nearest
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .looks import MOST_SHOWN, Pixels, cameras, lens_of
@@ -126,6 +128,7 @@ class World:
         self._edits = b""
         """The fingerprint of the tree, if it was changed."""
         self._shown: dict[str, Pixels] = {}
+        self._held: dict[str, str] = {}
         self._data = mujoco.MjData(self._scene.model)
         self._ticks = 0
         self._physics, self._compat = physics, compat
@@ -153,7 +156,7 @@ class World:
         self._displays = dict.fromkeys(each.id for each in nodes if each.tag == "display")
         self._imus = {each.id: self._scene.frames[each.id] for each in nodes if each.tag == "imu"}
         self._touches = {each.id: Touch(tree, each.id, self._scene) for each in nodes if each.tag == "touchsensor"}
-        if any(touch.needs_waking for touch in self._touches.values()):
+        if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
     def reset(self, seed: int | None = None) -> None:
@@ -168,7 +171,7 @@ class World:
         self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         self._inertias = dict.fromkeys(self._imus, Inertia())
         self._noise = self._usual_noise()
-        self._shown = {}
+        self._shown, self._held = {}, {}
         self._drives = {}
         for name in self._scene.bases:
             self._drives[name] = Drive(Speed(), None, self._pose(name), self._pose(name))
@@ -219,6 +222,10 @@ class World:
         self._noise = noise
         self._shown = {name: pixels for name, pixels in before._shown.items() if name in self._displays}
         self._inertias = {name: before._inertias.get(name, Inertia()) for name in self._imus}
+        self._held = {}
+        for name, body in before._held.items():
+            if name in self._scene.grippers and body in self._scene.grippers[name].welds:
+                self._hold(name, body)
         drives = {name: Drive(Speed(), None, self._pose(name), self._pose(name)) for name in self._scene.bases}
         self._drives = {name: before._drives.get(name, new) for name, new in drives.items()}
         motors = {name: Motor(self.position(name)) for name in self._scene.joints}
@@ -285,10 +292,12 @@ class World:
         return found
 
     def copy(self) -> World:
-        """A world with the same state, which goes on by itself. It shares the model, which nothing changes."""
+        """A world with the same state, which goes on by itself."""
         made = object.__new__(World)
         made.__dict__.update(self.__dict__)
-        made._data = mujoco.MjData(self._scene.model)
+        if self._scene.grippers:
+            made._scene = replace(self._scene, model=copy.copy(self._scene.model))
+        made._data = mujoco.MjData(made._scene.model)
         made._take(self)
         return made
 
@@ -302,7 +311,7 @@ class World:
         A state may be restored many times. Raises ValueError for the state of a world that is not this one or a copy
         of it.
         """
-        if saved.world._scene is not self._scene:
+        if saved.world._scene.frames is not self._scene.frames:
             raise ValueError("the saved state is that of another scene")
         self._take(saved.world)
 
@@ -316,7 +325,9 @@ class World:
         self._has_speeds = other._has_speeds
         self._drives = {name: replace(drive) for name, drive in other._drives.items()}
         self._motors, self._noise, self._shown = dict(other._motors), dict(other._noise), dict(other._shown)
-        self._inertias = dict(other._inertias)
+        self._inertias, self._held = dict(other._inertias), dict(other._held)
+        if self._held:  # where a gripper holds a body is part of its model
+            self._scene.model.eq_data[:] = other._scene.model.eq_data
 
     @property
     def tick(self) -> float:
@@ -339,9 +350,11 @@ class World:
         return self._physics
 
     def set_physics(self, on: bool) -> None:
-        """Switch physics on or off. All is where it was, and at rest; joints that move go on."""
+        """Switch physics on or off. All is where it was, and at rest; joints that move go on, and grippers let go."""
         if on == self._physics:
             return
+        for gripper in list(self._held):
+            self.release(gripper)
         self._physics = on
         self._data.qvel[:] = 0.0
         self._inertias = {name: inertia._replace(velocity=(0.0, 0.0, 0.0)) for name, inertia in self._inertias.items()}
@@ -375,6 +388,11 @@ class World:
         return list(self._displays)
 
     @property
+    def grippers(self) -> list[str]:
+        """The nodes with the parameter `suction`."""
+        return list(self._scene.grippers)
+
+    @property
     def imus(self) -> list[str]:
         return list(self._imus)
 
@@ -392,7 +410,9 @@ class World:
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
         made.update(self._edits)
-        for values in (self._motors, self._noise, self._inertias):
+        for weld in self._welds():
+            made.update(self._scene.model.eq_data[weld].tobytes())
+        for values in (self._motors, self._noise, self._inertias, self._held):
             made.update(repr(sorted(values.items())).encode())
         for name, pixels in sorted(self._shown.items()):
             made.update(f"{name}{pixels.shape}".encode() + pixels.tobytes())
@@ -447,6 +467,34 @@ class World:
         checked = {name: _near("speed", *goal) for name, goal in goals.items()}
         for name, (speed, acceleration) in checked.items():
             self._motors[name] = self._motors[name]._replace(goal=At(speed, abs(acceleration)))
+
+    def grip(self, gripper: str) -> str:
+        """Switch a suction cup or magnet on: it holds the nearest body that it reaches, where it is.
+
+        Returns the id of the body that it holds; "" if it reaches none, or physics is off. One that holds a body keeps
+        it. Raises InnerModelError if there is no such gripper.
+        """
+        found = _known("gripper", gripper, self._scene.grippers)
+        if gripper not in self._held and self._physics:
+            body = nearest(found, self._scene.model, self._data)
+            if body:
+                self._hold(gripper, body)
+        return self.held(gripper)
+
+    def _hold(self, gripper: str, body: str) -> None:
+        hold(self._scene.model, self._data, self._scene.grippers[gripper].welds[body])
+        self._held[gripper] = body
+
+    def release(self, gripper: str) -> None:
+        """Switch a suction cup or magnet off."""
+        found = _known("gripper", gripper, self._scene.grippers)
+        if gripper in self._held:
+            self._data.eq_active[found.welds[self._held.pop(gripper)]] = 0
+
+    def held(self, gripper: str) -> str:
+        """The id of the body that a gripper holds; "" if it holds none."""
+        _known("gripper", gripper, self._scene.grippers)
+        return self._held.get(gripper, "")
 
     def set_odometry(
         self, base: str, x: float = 0.0, z: float = 0.0, turn: float = 0.0, corrected: Pose | None = None
@@ -527,6 +575,20 @@ class World:
         """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""
         found, other = self._matrix(node), self._matrix(seen_from)
         made: Array = axes.inverse(other) @ found
+        return made
+
+    def poses(self) -> Array:
+        """The poses of all `movable` nodes, seen from the root: shape (n, 4, 4), mm."""
+        frames = [self._scene.frames[name] for name in self._movable]
+        bodies = [frame.body for frame in frames]
+        made = np.zeros((len(frames), 4, 4))
+        if not frames:
+            return made
+        turns = self._data.xmat[bodies].reshape(-1, 3, 3)
+        away = turns @ np.array([frame.position for frame in frames])[:, :, None]
+        made[:, :3, :3] = axes.rotation_from_simulation(turns @ np.array([frame.rotation for frame in frames]))
+        made[:, :3, 3] = axes.position_from_simulation(self._data.xpos[bodies] + away[..., 0])
+        made[:, 3, 3] = 1.0
         return made
 
     def scan(self, laser: str) -> Array:
@@ -737,6 +799,10 @@ class World:
             update_speeds(self._scene.model, self._data)
             self._has_speeds = True
 
+    def _welds(self) -> list[int]:
+        """The numbers of the welds that hold something."""
+        return [self._scene.grippers[name].welds[body] for name, body in sorted(self._held.items())]
+
     def _pressing(self, data: mujoco.MjData) -> list[int]:
         """The numbers of contacts that have a force."""
         if not self._physics or not data.ncon:
@@ -751,11 +817,7 @@ class World:
 
     def _shapes_of(self, name: str) -> list[int]:
         """The geoms at or below a node."""
-        _known("node", name, self._scene.frames)
-        below, waiting = set(), [name]
-        while waiting:
-            below.add(waiting[-1])
-            waiting += self._tree.node(waiting.pop()).children
+        below = self._below(name)
         found = [number for number, shape in enumerate(self._scene.shapes) if shape in below]
         if not found:
             raise InnerModelError(f"`{name}` has no shapes, so it has no distance from anything")

@@ -297,6 +297,8 @@ def test_a_copy_goes_on_in_the_same_way_while_bodies_sleep(hall: World) -> None:
         ({"box": {"mass": 0.0}}, "`mass` is 0: it has to be at least 1e-06"),
         ({"box": {"friction": math.nan}}, "`friction` is nan: it has to be a number"),
         ({"box": {"force": 1.0}}, "a transform has no `force`: only a base or a joint has one"),
+        ({"box": {"belt": 1.0}}, "a transform has no `belt`: only a plane has one"),
+        ({"hand": {"suction": 1.0}}, "a transform has no `suction`: only a shape, or a node above one, has one"),
         ({"hand": {"friction": 1.0}}, "a transform has no `friction`: only a shape, or a node above one, has one"),
     ],
 )

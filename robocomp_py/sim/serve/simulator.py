@@ -118,7 +118,11 @@ class Simulator(Controlled):
     def _parameters(self) -> dict[str, dict[str, float]]:
         """What the parameter `bodies` has, by the ids of nodes."""
         return {
-            each.id: {name: value for name in PARAMETERS if (value := getattr(each, name)) >= 0.0}
+            each.id: {
+                name: value
+                for name, known in PARAMETERS.items()
+                if (value := getattr(each, name, known.usual)) != known.usual
+            }
             for each in self.params.bodies
         }
 
