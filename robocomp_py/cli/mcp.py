@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, USAGE
 from .completing import What, completed
+from .hosts import hosts_of
 from .live import Absent, add_middleware, count, reported
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     about = "how many operations it may call in a minute (default: 30)"
     to.add_argument("--calls-per-minute", type=count, default=30, metavar="N", help=about)
     add_middleware(to)
+    to.set_defaults(hosts=[], keys=None)  # of `hosts_of`: all hosts, and the keys of its rcdeploy
 
 
 def run(options: argparse.Namespace) -> int:
@@ -75,7 +77,6 @@ def _serve(options: argparse.Namespace) -> int:
     from .. import __version__
     from ..deploy.client import network_of, running_plan
     from ..tools.access import Access
-    from ..tools.census import take_census
     from ..tools.mcp.bounds import Bounds
     from ..tools.mcp.permissions import permissions_of
     from ..tools.mcp.requests import Requests
@@ -88,8 +89,8 @@ def _serve(options: argparse.Namespace) -> int:
     permissions = permissions_of(plan)
     logs, write = _log(network)
     try:
-        with Access() as access:
-            census = partial(take_census, options.middleware)
+        with hosts_of(options) as hosts, Access() as access:
+            census = partial(hosts.census, options.middleware)
             requests = Requests(access, census, permissions, write, Bounds(calls_a_minute=options.calls_per_minute))
             write("INFO", f"begins; allowed: {', '.join(requests.allowed) or 'no call'}")
             try:

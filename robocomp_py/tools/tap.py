@@ -9,7 +9,7 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from types import FrameType
 from typing import Any, NamedTuple
@@ -104,7 +104,7 @@ class _Inbox:
 
 def tapped(
     topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
-) -> Iterator[Message | Presence]:
+) -> Generator[Message | Presence, None, None]:
     """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
 
     Whether topics are published is noticed while no message comes. Unless `full`, messages from other hosts may be

@@ -5,22 +5,24 @@ Nothing is called that the network does not allow, and everything is written dow
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from ...contract.interface import Pattern
 from ...errors import RobocompError, Unreachable
+from ...printable import printable
 from ...spelling import closest, unknown
 from ...wire import json as values
 from .. import asking, params
 from ..access import Access, ThrownError
 from ..idsl import declared
 from ..network import Channel, Network, NotUnderstood
+from ..tap import Message, tapped
 from .bounds import Bounds, Rate, Refused, fitted
 from .permissions import Permissions
 
@@ -77,7 +79,7 @@ class Requests:
         except Refused as exc:
             return self.refuse(request, arguments, str(exc))
         except (RobocompError, ValueError) as exc:
-            answer = Answer(asking.printable(str(exc)) or type(exc).__name__, failed=True)
+            answer = Answer(printable(str(exc)) or type(exc).__name__, failed=True)
         result = f"failed: {answer.text[:_LOGGED]}" if answer.failed else "answered"
         took = self._clock() - begun
         self._write("WARNING" if answer.failed else "INFO", f"{_line(request, arguments)}: {result} ({took:.3f} s)")
@@ -85,7 +87,7 @@ class Requests:
 
     def refuse(self, request: str, arguments: Mapping[str, Any], why: str) -> Answer:
         """The answer to what may not be asked. It is written down, too."""
-        text = asking.printable(why)
+        text = printable(why)
         self._write("WARNING", f"{_line(request, arguments)}: refused: {text[:_LOGGED]}")
         return Answer(text, failed=True)
 
@@ -173,27 +175,13 @@ class Requests:
         count, limit = self.bounds.count(arguments.get("count", 1)), self.bounds.seconds(arguments.get("timeout", 5.0))
         _, channels = self._network()
         channel = _one(channels, _text(arguments, "topic"), Pattern.PUBLISH)
-        inputs, request = channel.operation.inputs, channel.operation.request
-        arrived = threading.Condition()
-        newest: deque[Any] = deque(maxlen=count)
-        number = 0
-
-        def take(payload: Any) -> None:
-            nonlocal number
-            with arrived:
-                newest.append(payload)
-                number += 1
-                arrived.notify_all()
-
-        heard = self._access.hear(channel, take, count)
-        try:
-            with arrived:
-                arrived.wait_for(lambda: number >= count, limit)
-                taken = list(newest)
-        finally:
-            heard.link.close()
-        decode = heard.codec.decoder(request)
-        messages = [values.shown(inputs, decode(each)) for each in taken]
+        messages: list[Any] = []
+        with contextlib.closing(tapped([channel], first=limit, whole=limit)) as heard:
+            for each in heard:
+                if isinstance(each, Message):
+                    messages.append(each.message)
+                if len(messages) == count:
+                    break
         if not messages:
             raise Unreachable(f"{channel.name}: no message came in {limit:g} s")
         return {"topic": channel.name, "messages": messages}
@@ -249,13 +237,7 @@ class Requests:
             self._calls.take()
         self._write("INFO", f"call {channel.name} {_spelled(given)[:_LOGGED]}")
         if channel.pattern is Pattern.COMMAND:
-            outlet, call = self._access.outlet(channel)
-            try:
-                if not outlet.wait_peer(limit):
-                    raise Unreachable(f"no component serves {channel.name}")
-                outlet.send(call.encode(taken), limit)
-            finally:
-                outlet.close()
+            self._access.send(channel, taken, limit, limit)
             return {"sent": channel.name}
         try:
             results = self._access.ask(channel, taken, limit)
@@ -292,8 +274,8 @@ def _text(arguments: Mapping[str, Any], name: str) -> str:
 
 
 def _line(request: str, arguments: Mapping[str, Any]) -> str:
-    return f"{asking.printable(request)[:50]} {_spelled(arguments)[:_LOGGED]}"
+    return f"{printable(request)[:50]} {_spelled(arguments)[:_LOGGED]}"
 
 
 def _spelled(arguments: Any) -> str:
-    return asking.printable(json.dumps(arguments, default=str))
+    return printable(json.dumps(arguments, default=str))
