@@ -225,7 +225,7 @@ class World:
         self._held = {}
         for name, body in before._held.items():
             if name in self._scene.grippers and body in self._scene.grippers[name].welds:
-                self._hold(name, body)
+                self._attach(name, body)
         drives = {name: Drive(Speed(), None, self._pose(name), self._pose(name)) for name in self._scene.bases}
         self._drives = {name: before._drives.get(name, new) for name, new in drives.items()}
         motors = {name: Motor(self.position(name)) for name in self._scene.joints}
@@ -478,10 +478,10 @@ class World:
         if gripper not in self._held and self._physics:
             body = nearest(found, self._scene.model, self._data)
             if body:
-                self._hold(gripper, body)
+                self._attach(gripper, body)
         return self.held(gripper)
 
-    def _hold(self, gripper: str, body: str) -> None:
+    def _attach(self, gripper: str, body: str) -> None:
         hold(self._scene.model, self._data, self._scene.grippers[gripper].welds[body])
         self._held[gripper] = body
 
