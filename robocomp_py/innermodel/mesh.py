@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from .axes import Array
 from .read import InnerModelError
 
-FORMATS = ("obj", "stl", "ply", "off", "glb", "gltf")
+FORMATS = ("obj", "dae", "stl", "ply", "off", "glb", "gltf")
 """The endings of files that are read."""
 
 _MOST_FACES = 2_000_000
@@ -30,6 +31,8 @@ class Mesh:
     """Shape (n, 3), mm."""
     faces: NDArray[np.int32]
     """Numbers of vertices, shape (m, 3); seen from outside, they run counter-clockwise in right-handed axes."""
+    colours: NDArray[np.uint8]
+    """Red, green and blue of each face, shape (m, 3). A texture gives a face the colour at its middle."""
 
 
 def read_mesh(path: Path, scale: Sequence[float] = (1.0,)) -> Mesh:
@@ -46,17 +49,54 @@ def read_mesh(path: Path, scale: Sequence[float] = (1.0,)) -> Mesh:
     except ImportError as exc:
         raise InnerModelError(f"{path}: meshes need `pip install 'robocomp-py[sim]'` ({exc})") from exc
     try:
-        loaded = trimesh.load_mesh(path, process=False)
+        scene = trimesh.load_scene(path, process=False)
+        places = [scene.graph[name] for name in scene.graph.nodes_geometry]
+        parts = [(scene.geometry[name], matrix) for matrix, name in places]
+        read = [_part(mesh, matrix) for mesh, matrix in parts if isinstance(mesh, trimesh.Trimesh)]
     except Exception as exc:  # its readers raise what their formats happen to raise
         raise InnerModelError(f"{path}: the mesh cannot be read: {exc or type(exc).__name__}") from exc
-    vertices, faces = np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.int32)
-    if len(faces) == 0:
+    before = np.cumsum([0, *(len(vertices) for vertices, _, _ in read)])
+    if sum(len(faces) for _, faces, _ in read) == 0:
         raise InnerModelError(f"{path}: the mesh has no triangles")
+    vertices: Array = np.concatenate([vertices for vertices, _, _ in read])
+    faces = np.concatenate([faces + first for (_, faces, _), first in zip(read, before, strict=False)])
     if len(faces) > _MOST_FACES:
         raise InnerModelError(f"{path}: the mesh has {len(faces)} triangles, and at most {_MOST_FACES} are read")
     if not np.isfinite(vertices).all():
         raise InnerModelError(f"{path}: the mesh has points that are not finite")
-    return Mesh(vertices * _factors(scale) * (1.0, 1.0, -1.0), faces)
+    factors = _factors(scale)
+    if np.prod(factors) < 0.0:
+        faces = faces[:, ::-1]  # it is mirrored
+    colours = np.concatenate([colours for _, _, colours in read])
+    return Mesh(vertices * factors * (1.0, 1.0, -1.0), faces.astype(np.int32), colours)
+
+
+def _part(mesh: Any, matrix: Array) -> tuple[Array, NDArray[np.int64], NDArray[np.uint8]]:
+    """Vertices, faces and the colours of faces of a part, which has a pose in its file."""
+    vertices: Array = np.asarray(mesh.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+    faces: NDArray[np.int64] = np.asarray(mesh.faces, dtype=np.int64)
+    colours = _colours(mesh.visual, faces)[:, :3].astype(np.uint8)
+    return vertices, faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces, colours
+
+
+def _colours(visual: Any, faces: NDArray[np.int64]) -> NDArray[Any]:
+    """Colours of faces, shape (m, 3) or (m, 4); grey if the file has none."""
+    if visual.kind == "face":
+        return np.asarray(visual.face_colors)
+    if visual.kind == "vertex":
+        corners: NDArray[Any] = np.asarray(visual.vertex_colors)[faces]
+        return np.asarray(corners.mean(axis=1))
+    if visual.kind != "texture":
+        return np.full((len(faces), 3), 128)
+    image = getattr(visual.material, "image", None) or getattr(visual.material, "baseColorTexture", None)
+    if image is None or visual.uv is None:
+        return np.tile(np.asarray(visual.material.main_color), (len(faces), 1))
+    pixels = np.asarray(image.convert("RGB"))
+    across, up = np.moveaxis(np.asarray(visual.uv)[faces].mean(axis=1) % 1.0, -1, 0)
+    height, width, _ = pixels.shape
+    row, column = ((1.0 - up) * height).astype(int) % height, (across * width).astype(int) % width
+    found: NDArray[Any] = pixels[row, column]
+    return found
 
 
 def _factors(scale: Sequence[float]) -> Array:

@@ -286,10 +286,13 @@ def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Arr
         raise InnerModelError(
             f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave it out", node=node.id
         )
+    position, turn = _in_simulation(within)
+    if building.looks:
+        building.looks.add_mesh(body, path, scale, {"pos": position, "quat": _quaternion(turn)})
+        return
     if (path, scale) not in building.meshes:
         building.meshes[path, scale] = _made_mesh(building, path, scale)
     mesh, corners = building.meshes[path, scale]
-    position, turn = _in_simulation(within)
     _add_shape(
         building,
         node,
@@ -363,11 +366,11 @@ def _compiled(building: _Building) -> Scene:
     joints = {name: _joint(model, tree.node(name)) for name in building.joints}
     forces = {_PREFIX + name: values["force"] for name, values in building.parameters.items() if "force" in values}
     servos.tune(model, start, forces)
-    shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(model.ngeom))
-    stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
     reaches = {name: values["suction"] / 1000.0 for name, values in building.parameters.items() if "suction" in values}
     held = {name: _gripper(building, model, name, reach) for name, reach in reaches.items()}
     looks = building.looks
+    shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(0 if looks else model.ngeom))
+    stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
     eyes = {name: model.camera(_PREFIX + name).id for name in looks.lenses} if looks else {}
     displays = {name: model.texture(picture).id for name, picture in looks.displays.items()} if looks else {}
     return Scene(model, frames, bases, joints, start, shapes, stops, tree, held, eyes, displays)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import logging
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.camera import Lens
+from ..innermodel.mesh import read_mesh
 from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Node, Tree
 
@@ -41,6 +43,14 @@ _MOST_PIXELS = 4096
 """Of a row or a column of what a camera takes."""
 MOST_SHOWN = 2048
 """Of a row or a column of what is on a plane. Larger files are made smaller."""
+
+_MOST_COLOURS = 64
+"""Of a mesh."""
+_LEAST_AREA = 1e-12
+"""Of a face that is drawn, m²."""
+
+_UNTOUCHED = {"contype": 0, "conaffinity": 0}
+"""Of shapes that are only seen: MuJoCo computes no convex hulls of them."""
 
 # The six sides of a box: what is ahead of the one who looks at it, and what is up there.
 _SIDES = tuple(
@@ -68,6 +78,8 @@ class Looks:
     """Of its cameras."""
     textures: dict[Path | str, str] = field(default_factory=dict)
     """The names of materials, by the file of the picture or the id of the display."""
+    meshes: dict[tuple[Path, tuple[float, ...]], list[tuple[str, tuple[float, ...]]]] = field(default_factory=dict)
+    """The names and the colours of the meshes of a file, by the file and its scale."""
     boxes: dict[tuple[float, ...], str] = field(default_factory=dict)
     """The names of meshes of boxes with places on a picture, by their half extents."""
 
@@ -116,6 +128,29 @@ class Looks:
                 self.boxes[half] = self._box(half)
             shape.type, shape.meshname, shape.material = mujoco.mjtGeom.mjGEOM_MESH, self.boxes[half], material
             shape.rgba = (1.0, 1.0, 1.0, 1.0)
+            shape.contype = shape.conaffinity = 0
+
+    def add_mesh(self, body: mujoco.MjsBody, path: Path, scale: tuple[float, ...], pose: Mapping[str, Any]) -> None:
+        """Add the shape of a file, a mesh for each of its colours, at a pose in `body`."""
+        if (path, scale) not in self.meshes:
+            self.meshes[path, scale] = self._pieces(path, scale)
+        for name, colour in self.meshes[path, scale]:
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=(*colour, 1.0), **_UNTOUCHED, **pose)
+
+    def _pieces(self, path: Path, scale: tuple[float, ...]) -> list[tuple[str, tuple[float, ...]]]:
+        """The names and the colours of the meshes of a file."""
+        mesh = read_mesh(path, scale)
+        points = axes.position_to_simulation(mesh.vertices)
+        found: list[tuple[str, tuple[float, ...]]] = []
+        for colour, faces in pieces(points, mesh.faces, mesh.colours):
+            used, places = np.unique(faces, return_inverse=True)
+            corners = points[used]
+            corners = np.concatenate((corners, corners[: max(0, 4 - len(corners))]))  # MuJoCo wants four or more
+            name = f"mesh{len(self.meshes)}.{len(found)}"
+            made = self.spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+            made.uservert, made.userface = corners.ravel(), places.astype(np.int32).ravel()
+            found.append((name, colour))
+        return found
 
     def _material(self, node: Node) -> str:
         """The name of the material of a plane; "" for one that has a colour."""
@@ -168,6 +203,26 @@ class Looks:
         made.usertexcoord = np.array(places).ravel()
         made.userface = made.userfacetexcoord = np.array(faces).ravel()
         return name
+
+
+def pieces(
+    points: Array, faces: NDArray[np.int32], colours: Pixels
+) -> Iterator[tuple[tuple[float, ...], NDArray[np.int32]]]:
+    """The colours of a mesh, each with its faces. Faces without an area are left out.
+
+    A mesh of many colours has those of a coarser palette.
+    """
+    first, second, third = (points[faces[:, corner]] for corner in range(3))
+    seen = np.linalg.norm(np.cross(second - first, third - first), axis=1) > _LEAST_AREA
+    faces, colours = faces[seen], colours[seen]
+    for step in (1, 16, 64, 256):
+        palette, which = np.unique(colours // step, axis=0, return_inverse=True)
+        if len(palette) <= _MOST_COLOURS:
+            break
+    for number in range(len(palette)):
+        of_it = which.ravel() == number
+        red, green, blue = (colours[of_it].mean(axis=0) / 255).tolist()
+        yield (red, green, blue), faces[of_it]
 
 
 def cameras(tree: Tree) -> list[str]:

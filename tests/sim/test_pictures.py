@@ -183,6 +183,57 @@ def test_a_plane_whose_picture_cannot_be_read_is_grey(
     assert "quarters.png" in said
 
 
+_EFFECT = """<effect id="{0}"><profile_COMMON><technique sid="common"><lambert><diffuse><color>{1} 1</color></diffuse>
+</lambert></technique></profile_COMMON></effect>"""
+_MATERIAL = '<material id="m{0}"><instance_effect url="#{0}"/></material>'
+_BOUND = '<instance_material symbol="{0}" target="#m{0}"/>'
+_FACES = """<triangles count="1" material="{0}"><input semantic="VERTEX" source="#points" offset="0"/><p>{1}</p>
+</triangles>"""
+
+TENTS = {
+    "tent.mtl": "newmtl left\nKd 1 0 0\nnewmtl right\nKd 0 0 1\n",
+    "tent.obj": "mtllib tent.mtl\nv 0 -500 0\nv 0 500 0\nv -500 0 -500\nv 500 0 -500\nv 500 -500 0\n"
+    "usemtl left\nf 1 2 3\nusemtl right\nf 1 4 2\nf 1 1 5\n",
+    "tent.ply": "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n"
+    "property uchar blue\nend_header\n0 -500 0\n0 500 0\n-500 0 -500\n500 0 -500\n3 0 1 2 255 0 0\n3 0 3 1 0 0 255\n",
+    "tent.dae": '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>'
+    + "<library_effects>"
+    + _EFFECT.format("left", "1 0 0")
+    + _EFFECT.format("right", "0 0 1")
+    + "</library_effects><library_materials>"
+    + "".join(map(_MATERIAL.format, ("left", "right")))
+    + """</library_materials><library_geometries><geometry id="tent"><mesh><source id="numbers">
+    <float_array id="array" count="12">0 -500 0 0 500 0 -500 0 -500 500 0 -500</float_array><technique_common>
+    <accessor source="#array" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+    <param name="Z" type="float"/></accessor></technique_common></source>
+    <vertices id="points"><input semantic="POSITION" source="#numbers"/></vertices>"""
+    + _FACES.format("left", "0 1 2")
+    + _FACES.format("right", "0 3 1")
+    + """</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="scene"><node>
+    <instance_geometry url="#tent"><bind_material><technique_common>"""
+    + "".join(map(_BOUND.format, ("left", "right")))
+    + """</technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>
+    <scene><instance_visual_scene url="#scene"/></scene></COLLADA>""",
+}
+"""A red and a blue triangle whose edges meet ahead, in several formats."""
+
+
+@tool
+@pytest.mark.parametrize("scale", ["1", "1,-1,1"])
+@pytest.mark.parametrize("ending", ["obj", "ply", "dae"])
+def test_a_mesh_has_the_colours_of_its_file(ending: str, scale: str, tmp_path: Path, renderer: Renderer) -> None:
+    for name, text in TENTS.items():
+        (tmp_path / name).write_text(text)
+    room = world(
+        tmp_path,
+        f'<innerModel><mesh id="tent" file="tent.{ending}" tz="1000" scale="{scale}"/>'
+        '<rgbd id="eye" width="40" height="40" focal="30"/></innerModel>',
+    )
+    pixels = renderer.picture(room.view(), "eye").colours
+    assert [colour(pixels, 20, column) for column in (14, 25)] == ["red", "blue"]
+
+
 SCREEN = """\
 <innerModel>
   <display id="screen" pz="1000" size="1000,1000,10" texture="#ff0000"/>
