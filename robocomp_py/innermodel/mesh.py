@@ -1,4 +1,4 @@
-"""Shapes from files. They are read by trimesh, which the extra `[sim]` has.
+"""Shapes from files. Most are read by trimesh, which the extra `[sim]` has.
 
 The z of a mesh file points towards the viewer, that of InnerModel ahead. So a point of the file is mirrored in z; see
 `Mesh`.
@@ -15,10 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .axes import Array
+from .osg import read_osg
+from .parts import Part
 from .read import InnerModelError
+from .studio3d import read_3ds
 
-FORMATS = ("obj", "dae", "stl", "ply", "off", "glb", "gltf")
+FORMATS = ("obj", "dae", "stl", "ply", "off", "glb", "gltf", "osg", "3ds")
 """The endings of files that are read."""
+
+_BINARY = ("ive", "osgb", "osgt", "osgx")
 
 _MOST_FACES = 2_000_000
 
@@ -40,26 +45,12 @@ def read_mesh(path: Path, scale: Sequence[float] = (1.0,)) -> Mesh:
 
     Raises InnerModelError if the file is not there, is of another kind, or has no triangles.
     """
-    ending = path.suffix.lower().removeprefix(".")
-    if ending not in FORMATS:
-        known = ", ".join(f".{each}" for each in FORMATS)
-        raise InnerModelError(f"{path}: meshes are read from {known}; convert it, with Blender for example")
-    try:
-        import trimesh
-    except ImportError as exc:
-        raise InnerModelError(f"{path}: meshes need `pip install 'robocomp-py[sim]'` ({exc})") from exc
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        places = [scene.graph[name] for name in scene.graph.nodes_geometry]
-        parts = [(scene.geometry[name], matrix) for matrix, name in places]
-        read = [_part(mesh, matrix) for mesh, matrix in parts if isinstance(mesh, trimesh.Trimesh)]
-    except Exception as exc:  # its readers raise what their formats happen to raise
-        raise InnerModelError(f"{path}: the mesh cannot be read: {exc or type(exc).__name__}") from exc
-    before = np.cumsum([0, *(len(vertices) for vertices, _, _ in read)])
-    if sum(len(faces) for _, faces, _ in read) == 0:
+    parts = _read(path)
+    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    if sum(len(part.faces) for part in parts) == 0:
         raise InnerModelError(f"{path}: the mesh has no triangles")
-    vertices: Array = np.concatenate([vertices for vertices, _, _ in read])
-    faces = np.concatenate([faces + first for (_, faces, _), first in zip(read, before, strict=False)])
+    vertices: Array = np.concatenate([part.vertices for part in parts])
+    faces = np.concatenate([part.faces + first for part, first in zip(parts, before, strict=False)])
     if len(faces) > _MOST_FACES:
         raise InnerModelError(f"{path}: the mesh has {len(faces)} triangles, and at most {_MOST_FACES} are read")
     if not np.isfinite(vertices).all():
@@ -67,16 +58,46 @@ def read_mesh(path: Path, scale: Sequence[float] = (1.0,)) -> Mesh:
     factors = _factors(scale)
     if np.prod(factors) < 0.0:
         faces = faces[:, ::-1]  # it is mirrored
-    colours = np.concatenate([colours for _, _, colours in read])
+    colours = np.concatenate([part.colours for part in parts])
     return Mesh(vertices * factors * (1.0, 1.0, -1.0), faces.astype(np.int32), colours)
 
 
-def _part(mesh: Any, matrix: Array) -> tuple[Array, NDArray[np.int64], NDArray[np.uint8]]:
-    """Vertices, faces and the colours of faces of a part, which has a pose in its file."""
+def _read(path: Path) -> list[Part]:
+    ending = path.suffix.lower().removeprefix(".")
+    if ending in _BINARY:
+        raise InnerModelError(
+            f"{path}: this is a format of OpenSceneGraph that only it reads; convert it, by its tool: "
+            f"osgconv {path.name} {path.stem}.obj"
+        )
+    if ending not in FORMATS:
+        known = ", ".join(f".{each}" for each in FORMATS)
+        raise InnerModelError(f"{path}: meshes are read from {known}; convert it, with Blender for example")
+    try:
+        if ending == "osg":
+            return read_osg(path.read_text(encoding="utf-8", errors="replace"))
+        if ending == "3ds":
+            return read_3ds(path.read_bytes())
+    except (OSError, ValueError) as exc:
+        raise InnerModelError(f"{path}: the mesh cannot be read: {exc}") from exc
+    try:
+        import trimesh
+    except ImportError as exc:
+        raise InnerModelError(f"{path}: meshes need `pip install 'robocomp-py[sim]'` ({exc})") from exc
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        places = [scene.graph[name] for name in scene.graph.nodes_geometry]
+        meshes = [(scene.geometry[name], matrix) for matrix, name in places]
+        return [_part(mesh, matrix) for mesh, matrix in meshes if isinstance(mesh, trimesh.Trimesh)]
+    except Exception as exc:  # its readers raise what their formats happen to raise
+        raise InnerModelError(f"{path}: the mesh cannot be read: {exc or type(exc).__name__}") from exc
+
+
+def _part(mesh: Any, matrix: Array) -> Part:
+    """A mesh of trimesh, which has a pose in its file."""
     vertices: Array = np.asarray(mesh.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
     faces: NDArray[np.int64] = np.asarray(mesh.faces, dtype=np.int64)
     colours = _colours(mesh.visual, faces)[:, :3].astype(np.uint8)
-    return vertices, faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces, colours
+    return Part(vertices, faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces, colours)
 
 
 def _colours(visual: Any, faces: NDArray[np.int64]) -> NDArray[Any]:

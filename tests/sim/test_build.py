@@ -141,7 +141,7 @@ def test_a_mesh_stops_a_base(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "text"),
     [
-        ("cup.osgb", "", "meshes are read from .obj, .dae, .stl"),
+        ("cup.step", "", "meshes are read from .obj, .dae, .stl"),
         ("cup.obj", "nothing of a mesh", "cup.obj: "),
         ("cup.stl", "solid", "cup.stl: "),
         ("cup.ply", "\0\1\2", "cup.ply: the mesh cannot be read"),
