@@ -34,7 +34,7 @@ _EXAMPLES = f"""\
 examples:
   rc clock show                  which component leads, its time and speed, and how many follow
   rc clock pause                 all components stand still after the present instant
-  rc clock step 0.5              let half a second pass, as fast as possible, and stand still again
+  rc clock step 0.5              let half a second pass, and stand still again
   rc clock speed 2               twice as fast as the clock on the wall; `max`: as fast as possible
   rc clock resume                go on at this speed
   rc clock pause --of world      if several clocks are led
@@ -46,7 +46,7 @@ A network follows a clock if its file says `clock world;`, or with `rcdeploy --c
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "Show, pause and drive the clock that the components of a running network follow in lock-step."
+    to.description = "Show, pause and drive the clock that the components of a running network follow."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
@@ -62,7 +62,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     command("show", "show which component leads, the time, and the speed")
     command("pause", "stand still after the present instant")
     command("resume", "go on at the speed that was set")
-    step = command("step", "let some seconds pass, as fast as possible, and stand still")
+    step = command("step", "let some seconds pass, and stand still")
     step.add_argument("seconds", type=positive, metavar="SECONDS", help="of the clock; at most 1e9")
     speed = command("speed", "set the seconds of the clock in one second")
     chosen = speed.add_argument("speed", type=_speed, metavar="SPEED", help="1 is real time; max: as fast as possible")

@@ -129,11 +129,13 @@ def clock_of(model: Deployment, instance: Instance, speed: float | None = None) 
     leader = model.clock.leader.text
     if leader not in named:  # which has been reported
         return
+    said = read_clock(model.clock, Report())
     yield f"clock.leader={toml(named[leader])}"
+    if instance.name.text != leader and "mode" in said:
+        yield f"clock.mode={toml(said['mode'])}"
     if instance.name.text == leader:
         others = [named[each.name.text] for each in model.instances if not each.program and each is not instance]
         yield f"clock.followers={toml(others)}"
-        said = read_clock(model.clock, Report())
         if speed is not None:
             said["speed"] = speed
         yield from (f"clock.{name}={toml(value)}" for name, value in said.items())

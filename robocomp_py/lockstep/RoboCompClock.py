@@ -15,6 +15,7 @@ from robocomp_py.runtime.api import (
     Field,
     Interface,
     Operation,
+    Pattern,
     Sequence,
     Struct,
 )
@@ -55,6 +56,21 @@ ClockState.__contract__ = Struct(
     doc="How a clock stands.",
 )
 
+_Clock_tick: Operation[None] = Operation(
+    "RoboCompClock::Clock",
+    "tick",
+    inputs=(
+        Field("now", TIME),
+        Field("speed", FLOAT64),
+    ),
+    pattern=Pattern.PUBLISH,
+    doc="seconds of this clock in one second; 0: it stands still",
+)
+CLOCK_INTERFACE = Interface(
+    "RoboCompClock::Clock",
+    (_Clock_tick,),
+)
+
 _ClockControl_state: Operation[ClockState] = Operation(
     "RoboCompClock::ClockControl",
     "state",
@@ -78,7 +94,7 @@ _ClockControl_step: Operation[int] = Operation(
     "step",
     inputs=(Field("seconds", FLOAT64),),
     outputs=(Field("ret", TIME),),
-    doc="Let so many seconds pass, as fast as possible, and then stand still. Returns the time at which it will.",  # noqa: E501, RUF100
+    doc="Let so many seconds pass, and then stand still. Returns the time at which it will. In lock-step they pass as\nfast as possible, otherwise at the speed.",  # noqa: E501, RUF100
 )
 _ClockControl_setSpeed: Operation[None] = Operation(
     "RoboCompClock::ClockControl",

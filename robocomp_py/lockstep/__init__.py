@@ -1,1 +1,1 @@
-"""Lock-step: the components of a network, each in its own process, follow the clock of one of them."""
+"""The components of a network, each a process of its own, follow the clock of one of them: in lock-step, or freely."""

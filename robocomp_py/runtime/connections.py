@@ -221,12 +221,7 @@ class Connections:
 
         Also returns a function that closes its links, for a caller that needs it no longer than the component runs.
         """
-        where = names.resolve(f"{instance}/{port.interface.short}", self._settings.namespace, "")
-
-        def route(port: Port, operation: Operation[Any]) -> ports.Route:
-            return replace(self._route(port, operation), channel=names.channel(*where, operation.name))
-
-        proxy, links = ports.bind_proxy(port, route, self._monitor)
+        proxy, links = ports.bind_proxy(port, self._route_to(port, instance), self._monitor)
         with self._changing:
             self._proxied += links
 
@@ -237,6 +232,21 @@ class Connections:
             ports.close_all(links)
 
         return proxy, close
+
+    def hear(self, port: Port, handlers: object, instance: str) -> None:
+        """Subscribe to an interface that is not one of the component's own, at `/namespace/instance`.
+
+        Its handlers run outside of the monitor.
+        """
+        self._links += ports.bind_handlers(port, handlers, self._route_to(port, instance), self._monitor, outside=True)
+
+    def _route_to(self, port: Port, instance: str) -> ports.Router:
+        where = names.resolve(f"{instance}/{port.interface.short}", self._settings.namespace, "")
+
+        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+            return replace(self._route(port, operation), channel=names.channel(*where, operation.name))
+
+        return route
 
     def publish(self, port: Port) -> tuple[Any, Callable[[], None]]:
         """A proxy for a published interface that is not one of the component's own, and what closes its links.

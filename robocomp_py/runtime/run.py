@@ -49,6 +49,7 @@ from .worker import Worker, check_methods
 
 if TYPE_CHECKING:
     from ..actions.binding import Surroundings
+    from ..lockstep.free import Followed
     from ..lockstep.lockstep import Lockstep
     from .diary import Diary
 
@@ -302,10 +303,15 @@ class Running:
 
         return Surroundings(self.monitor, self._await, lambda: self.clock.now() / SECOND, identity)
 
-    def _in_lockstep(self, settings: Settings) -> Lockstep:
+    def _in_lockstep(self, settings: Settings) -> Lockstep | Followed | None:
+        """What lets the component follow another clock; None if it tells the time of its own to others."""
+        is_ending = (State.FINISH, State.ENDED)
+        if settings.clock and settings.clock.mode == "free":
+            from ..lockstep.free import follow
+
+            return follow(settings, self.component, lambda: self.state in is_ending)
         from ..lockstep.lockstep import Lockstep  # few components need it
 
-        is_ending = (State.FINISH, State.ENDED)
         return Lockstep(settings, lambda: self.monitor.is_idle, lambda: self.state in is_ending, self._fail)
 
     def _build(self, worker_class: type[Worker[Any]], seed: int | None) -> Worker[Any]:

@@ -11,9 +11,10 @@
     [timers]
     poll = 0.02                      seconds from one call to the next of a timer that its CDSL declares
     [clock]
-    leader = "world"                 the instance whose clock it follows in lock-step; its own name for the leader
+    leader = "world"                 the instance whose clock it follows; its own name for the leader
     followers = ["camera", "wander"] for the leader: the instances for which it waits
     speed = 1.0                      for the leader: seconds of this clock in one second; 0: as fast as possible
+    mode = "lockstep"                or `free`: the clock passes by itself, and waits for no component
     lost = "keep"                    for the leader: whether to `keep` on or `stop` when a follower is gone
     [params]                         the parameters that its PDSL declares
     [ports.laser]                    a proxy, or a handler's prefix
@@ -116,6 +117,8 @@ class ClockSettings:
     speed: float = 1.0
     """Of the clock's seconds in one second; 0 for as fast as possible."""
     lost: str = "keep"
+    mode: str = "lockstep"
+    """Or `free`: the clock passes by itself, and waits for no component."""
 
 
 @dataclass(frozen=True)
@@ -482,7 +485,11 @@ class _Checker:
         if not leader:
             self._complain("config-missing", at, "`clock` lacks its `leader`, the instance whose clock is followed")
             return None
-        return ClockSettings(leader, tuple(followers), speed, lost)
+        mode = self._choice(data, "mode", at, ("lockstep", "free")) or ClockSettings.mode
+        if mode == "free" and not speed:
+            message = "`speed` is 0, as fast as possible, which a clock can only be in lock-step"
+            self._complain("config-out-of-range", (*at, "speed"), message)
+        return ClockSettings(leader, tuple(followers), speed, lost, mode)
 
     def _ports(
         self, data: Mapping[str, Any], known: Mapping[str, Port], at: Key = ("ports",)
@@ -613,7 +620,7 @@ class _Checker:
 
 
 _COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog", "diary")
-_CLOCK_KEYS = ("leader", "followers", "speed", "lost")
+_CLOCK_KEYS = ("leader", "followers", "speed", "lost", "mode")
 _OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
 """Keys of earlier versions, which are still accepted with a warning."""
 _PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")

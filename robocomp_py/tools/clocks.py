@@ -63,6 +63,9 @@ def drive(
     end = time.monotonic() + deadline
     answer = access.ask(_channel(network, leader, operation), tuple(arguments), deadline)
     until = answer[0] if operation == "step" else 0
+    if until:  # a clock that passes by itself takes its time
+        now = state(access, network, leader, deadline)
+        end += max(0, until - now.now) / 1e9 / now.speed if now.speed else 0.0
     while operation in ("pause", "step"):
         now = state(access, network, leader, max(0.1, end - time.monotonic()))
         if now.paused and now.now >= until:

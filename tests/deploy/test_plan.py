@@ -83,6 +83,16 @@ def test_the_command_line_overrides_the_network(folder: Path) -> None:
     assert "--set middleware=zeromq --set params.range=5 --set component.log=debug" in command(found, "sensor")
 
 
+def test_all_instances_know_whether_their_clock_passes_by_itself(folder: Path) -> None:
+    body = "clock left(mode free, speed 2); Component left : sensor { }; Component right : sensor { };"
+    found, _ = plan(folder, body)
+    for part in ('clock.leader="/left"', 'clock.mode="free"', "clock.speed=2", 'clock.followers=["/right"]'):
+        assert part in command(found, "left")
+    for part in ('clock.leader="/left"', 'clock.mode="free"'):
+        assert part in command(found, "right")
+    assert errors(folder, body, Overrides(speed=0.0)) == ["config-out-of-range"]
+
+
 def test_a_configuration_of_its_own_is_passed_on(folder: Path) -> None:
     (folder / "far.toml").write_text("[params]\nrange = 25\n")
     found, _ = plan(folder, 'Component sensor { config "far.toml"; };')

@@ -80,6 +80,7 @@ PUBLIC = {
 OURS = {
     "BatteryStatusPub",
     "CameraSimplePub",
+    "Clock",
     "DifferentialRobotPub",
     "Introspection",
     "IntrospectionPub",

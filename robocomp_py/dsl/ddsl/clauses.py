@@ -195,7 +195,7 @@ CLAUSES = (
         '"clock" _whom _settings? ";"',
         (Block.NETWORK,),
         "clock lidar(speed 10, lost stop);",
-        "the instance whose clock all others follow, in lock-step",
+        "the instance whose clock all others follow",
         settings=CLOCK_SETTINGS,
         misplaced=_NETWORK,
         read=lambda written: m.Clock(written.names[0], written.settings, written.span),

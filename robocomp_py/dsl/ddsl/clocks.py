@@ -13,6 +13,7 @@ from .scope import HERE, host_of
 
 CLOCK_SETTINGS: Mapping[str, str] = {
     "speed": "the clock's seconds in a second: a number above 0, or `max` for as fast as possible",
+    "mode": "`lockstep`: it waits for all instances; or `free`: it passes by itself",
     "lost": "what happens when a follower is gone: `keep` on, or `stop`",
 }
 """The settings, with their meanings."""
@@ -21,6 +22,7 @@ AS_FAST_AS_POSSIBLE = "max"
 """The word for a speed without limit."""
 
 _LOST = ("keep", "stop")
+_MODES = ("lockstep", "free")
 
 
 def check_clock(model: m.Deployment, report: Report) -> None:
@@ -51,11 +53,11 @@ def leader_of(model: m.Deployment) -> str:
 
 
 def read_clock(clock: m.Clock, report: Report) -> dict[str, float | str]:
-    """The settings of the clock, by name: `speed`, where 0 means as fast as possible, and `lost`."""
+    """The settings of the clock, by name: `speed`, where 0 means as fast as possible, `mode`, and `lost`."""
     read: dict[str, float | str] = {}
     for each in clock.settings:
         name = each.name.text
-        value = _speed(each) if name == "speed" else _lost(each) if name == "lost" else None
+        value = _speed(each) if name == "speed" else _one_of(each, {"lost": _LOST, "mode": _MODES}.get(name, ()))
         if name not in CLOCK_SETTINGS:
             hint = did_you_mean(name, CLOCK_SETTINGS) or f"there are {' and '.join(CLOCK_SETTINGS)}"
             report.error("bad-clock", f"`{name}` is not a setting of `clock`", each.name.span, hint)
@@ -67,6 +69,9 @@ def read_clock(clock: m.Clock, report: Report) -> dict[str, float | str]:
             )
         else:
             read[name] = value
+    if read.get("mode") == "free" and read.get("speed") == 0:
+        hint = "give a number, or remove `mode free`"
+        report.error("bad-clock", "a clock is as fast as possible only in lock-step", clock.span, hint)
     return read
 
 
@@ -77,8 +82,8 @@ def _speed(setting: Setting) -> float | None:
     return number if number is not None and 0 < number <= MAX_SECONDS else None
 
 
-def _lost(setting: Setting) -> str | None:
-    return setting.word.text if setting.word and setting.word.text in _LOST else None
+def _one_of(setting: Setting, words: tuple[str, ...]) -> str | None:
+    return setting.word.text if setting.word and setting.word.text in words else None
 
 
-_EXAMPLES = {"speed": "10", "lost": "stop"}
+_EXAMPLES = {"speed": "10", "mode": "free", "lost": "stop"}

@@ -91,7 +91,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """`clock world(speed 10);`: the instance whose clock all others follow, in lock-step."""
+    """`clock world(speed 10);`: the instance whose clock all others follow."""
 
     leader: Name
     """Its whole name."""
