@@ -125,8 +125,8 @@ class World:
         self._hold = round(hold / tick)
         self._without_meshes, self._parameters = without_meshes, dict(parameters or {})
         self._equip(self._parameters)
-        self._edits = b""
-        """The fingerprint of the tree, if it was changed."""
+        self._first, self._edits = b"", b""
+        """The fingerprints of the tree before the first change, and now if it is another one."""
         self._shown: dict[str, Pixels] = {}
         self._held: dict[str, str] = {}
         self._data = mujoco.MjData(self._scene.model)
@@ -211,7 +211,9 @@ class World:
         except BaseException:
             self.__dict__ = before.__dict__
             raise
-        self._edits = fingerprint(tree)
+        self._first = before._first or fingerprint(before._tree)
+        made = fingerprint(tree)
+        self._edits = made if made != self._first else b""
 
     def _keep(self, before: World) -> None:
         """Take over what was told before, as far as it is about nodes that are still there."""

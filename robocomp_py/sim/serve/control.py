@@ -40,11 +40,15 @@ class Controlled(Worker[Any]):
 
     def follow(self) -> None:
         """Go on to the present time, at the speed that was set."""
+        self.settle()
         try:
             self._go_on()
         except RobocompError as exc:
             self._pace.is_paused = True
             log.error("%s; the scene stands still until it is reset", exc)
+
+    def settle(self) -> None:
+        """Called before the scene goes on: edits take effect now."""
 
     def _go_on(self) -> None:
         pace, world = self._pace, self.world
@@ -62,6 +66,7 @@ class Controlled(Worker[Any]):
         """Go on by some ticks at once."""
         if not 0 <= count <= _MOST_TICKS:
             raise self._refusal("step", f"{count} ticks in one call: it is from 0 to {_MOST_TICKS}")
+        self.settle()
         try:
             self.world.step(count)
         except RobocompError as exc:
@@ -93,6 +98,7 @@ class Controlled(Worker[Any]):
         """Begin again, with noise of another seed."""
         if seed < 0:
             raise self._refusal("reset", f"a seed of {seed}: it is 0 or more")
+        self.settle()
         self.world.reset(seed)
 
     def Simulation_setPhysics(self, on: bool) -> None:

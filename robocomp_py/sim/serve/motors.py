@@ -36,7 +36,9 @@ class JointMotorHandler(InstanceHandler):
     """Answers for all joints of a port. Goals outside of a joint's limits are moved to the limit."""
 
     def __init__(self, world: World, instance: str, joints: Mapping[str, Node], interface: Interface) -> None:
-        self._world, self._instance, self._joints, self._interface = world, instance, joints, interface
+        self._world, self._instance, self._interface = world, instance, interface
+        self.joints = joints
+        """By their ids. Edits of the scene add and remove some."""
 
     def setPosition(self, goal: Any) -> None:
         """Move a joint at `maxSpeed`; 0: at once."""
@@ -61,7 +63,7 @@ class JointMotorHandler(InstanceHandler):
 
     def setSyncZeroPos(self) -> None:
         """Move all joints to their `home`, at once."""
-        self._move("setSyncZeroPos", {name: (self._home(name), 0.0) for name in self._joints})
+        self._move("setSyncZeroPos", {name: (self._home(name), 0.0) for name in self.joints})
 
     def getMotorParams(self, motor: str) -> Any:
         """What the file tells of a joint. A limit that it does not tell is infinite."""
@@ -80,30 +82,30 @@ class JointMotorHandler(InstanceHandler):
 
     def getAllMotorState(self) -> dict[str, Any]:
         """Positions and speeds of all joints now."""
-        return states(self._world, self._joints, self._returned("getAllMotorState"))
+        return states(self._world, self.joints, self._returned("getAllMotorState"))
 
     def getAllMotorParams(self) -> list[Any]:
         """What the file tells of all joints."""
         kind = self._returned("getAllMotorParams")
         assert isinstance(kind, Sequence)
-        return [filled(kind.item, self._parameters(name)) for name in self._joints]
+        return [filled(kind.item, self._parameters(name)) for name in self.joints]
 
     def getBusParams(self) -> Any:
         """A bus that exchanges values in each tick."""
         values = {
             "handler": "simulated",
             "device": self._instance,
-            "numMotors": len(self._joints),
+            "numMotors": len(self.joints),
             "basicPeriod": round(self._world.tick * 1000),
         }
         return filled(self._returned("getBusParams"), values)
 
     def _parameters(self, joint: str) -> dict[str, Any]:
-        values = self._joints[joint].values
+        values = self.joints[joint].values
         return {"name": joint, "minPos": values["min"], "maxPos": values["max"], "zeroPos": values["home"]}
 
     def _home(self, joint: str) -> float:
-        return float(str(self._joints[joint].values["home"]))
+        return float(str(self.joints[joint].values["home"]))
 
     def _returned(self, name: str) -> Type:
         return operation(self._interface, name).outputs[0].type
@@ -124,6 +126,6 @@ class JointMotorHandler(InstanceHandler):
 
     def _check(self, name: str, joints: Iterable[str]) -> None:
         for each in joints:
-            if each not in self._joints:
-                text = unknown("motor", each, self._joints)
+            if each not in self.joints:
+                text = unknown("motor", each, self.joints)
                 raise declared(self._interface, name, "UnknownMotorException", text)

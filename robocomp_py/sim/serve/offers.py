@@ -25,7 +25,7 @@ MOTORS = ("JointMotor", "JointMotorPub")
 
 _DEVICES = ("laser", "rgbd", "camera", "imu", "touchsensor", "display")
 
-CONTROL = ("Simulation", "SimulationPub")
+CONTROL = ("Simulation", "InnerModelManager", "SimulationPub")
 """The interfaces of the component itself."""
 
 

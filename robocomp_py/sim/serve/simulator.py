@@ -25,12 +25,14 @@ from ..parameters import PARAMETERS
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .control import Controlled, Progress
 from .lasers import LaserHandler, scanned
+from .manager import Managed
 from .motors import JointMotorHandler, states
 from .offers import carried_by, motors, names_of, offers
 from .pace import Pace
 from .values import filled, operation
 
 try:
+    from ..editing import EditError, Editing
     from ..world import World
     from .cameras import (
         Camera,
@@ -47,14 +49,15 @@ except ImportError as exc:
 log = logging.getLogger("robocomp.sim")
 
 
-class Simulator(Controlled):
+class Simulator(Controlled, Managed):
     """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
 
     Each device is a named instance with the id of its node: `front/Laser`. All joints with one `port` are one instance:
     `joints10067/JointMotor`; those without a port are `joints/JointMotor`. Interfaces that the CDSL does not have are
     not provided. The scene follows the clock of the component, and `compute` publishes what the devices tell.
 
-    It also has the handlers of Simulation, for a CDSL that implements it, and publishes SimulationPub.
+    It also has the handlers of Simulation and InnerModelManager, for a CDSL that implements them, and publishes
+    SimulationPub.
     """
 
     _studio: Studio | None = None
@@ -67,7 +70,8 @@ class Simulator(Controlled):
             tree = Tree.read(Path(os.path.normpath(path)))
             for problem in tree.problems:
                 log.warning("%s", problem)
-            self._tree, self._motors, found = tree, motors(tree), offers(tree)
+            self._tree, self._motors = tree, motors(tree)
+            offers(tree)
             self._go_home()
             self.world = World(
                 self._tree,
@@ -84,31 +88,52 @@ class Simulator(Controlled):
             without_meshes=self.params.without_meshes,
             suspended=self._suspended if isinstance(self._clock, Real) else None,
         )
-        self._publications: list[Callable[[], None]] = []
+        self._editing = Editing(self.world)
+        self._publications: dict[tuple[str, str], Callable[[], None]] = {}
+        """By the port, and the name of the instance."""
+        self._provide()
+        for port in self.component.ports:
+            if port.interface.short == "SimulationPub" and port not in self.component.named:
+                progress, proxy = Progress(self.world, self._pace, port), getattr(self, port.attribute)
+                self._publications[port.name, ""] = partial(_tell, progress, proxy)
+
+    def _provide(self) -> None:
+        """Add what the scene has and the network declares, and remove what the scene has no longer."""
+        self._tree = self.world.tree
+        self._motors, found = motors(self._tree), offers(self._tree)
         for port in self.component.named:
-            instances = getattr(self, port.attribute)
-            for name in names_of(port.interface.short, found):
+            instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
+            for name in set(instances) - set(names):
+                self._publications.pop((port.name, name), None)
+                instances.remove(name)
+            for name in names:
+                if name in instances:
+                    continue
                 if not instances.is_declared(name):
-                    log.info(
-                        "%s/%s: the network does not declare it; `rc sim offers` prints the lines",
-                        name,
-                        port.interface.short,
-                    )
+                    text = "%s/%s: the network does not declare it; `rc sim offers` prints the lines"
+                    log.info(text, name, port.interface.short)
                 elif isinstance(instances, NamedHandlers):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
-                    self._publications.append(self._publication(port, name, instances.add(name)))
-        for port in self.component.ports:
-            if port.interface.short == "SimulationPub" and port not in self.component.named:
-                self._publications.append(
-                    partial(_tell, Progress(self.world, self._pace, port), getattr(self, port.attribute))
-                )
+                    self._publications[port.name, name] = self._publication(port, name, instances.add(name))
+            if port.interface.short == "JointMotor" and isinstance(instances, NamedHandlers):
+                for name, handler in instances.items():
+                    handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
 
     def compute(self) -> None:
         """Go on to the present time, and publish."""
         self.follow()
-        for publish in self._publications:
+        for publish in list(self._publications.values()):
             publish()
+
+    def settle(self) -> None:
+        """Let edits take effect, and provide what there is then."""
+        try:
+            self._editing.settle()
+        except EditError as exc:
+            log.error("edits of the scene are dropped: %s", exc)
+        if self.world.tree is not self._tree:
+            self._provide()
 
     def finish(self) -> None:
         """Wait for the picture that is being drawn."""
