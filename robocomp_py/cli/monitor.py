@@ -22,11 +22,12 @@ examples:
   rc monitor                   the network that rcdeploy runs here, else all components of this host
   rc monitor rescue            this one, by its name
   rc monitor rescue.ddsl       ... by its file; what does not run is red
+  rc monitor --allow-control   processes can be restarted, stopped and started from the page
   rc monitor --port 8800       at this port, for an SSH tunnel: ssh -L 8800:127.0.0.1:8800 robot
 
-Open the URL that it prints. It is for browsers on this machine, and only for those that know its token. The page only
-shows; nothing can be changed by it. At most 16 pages may be open. Components are asked only while one is.
-End it with Ctrl-C.
+Open the URL that it prints. It is for browsers on this machine, and only for those that know its token. Unless
+--allow-control is given, nothing can be changed by it. At most 16 pages may be open. Components are asked only while
+one is. End it with Ctrl-C.
 
 exit status: 0 done, 1 the port is taken or the network cannot be read, 2 usage, 130/143 by a signal
 """
@@ -46,6 +47,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--every", type=positive, default=1.0, metavar="SECONDS", help="the time between two looks (default: 1)"
     )
+    to.add_argument(
+        "--allow-control",
+        action="store_true",
+        help="let the page restart, stop and start processes of the network, after a question",
+    )
     add_include(to)
     add_middleware(to)
     add_json(to)
@@ -60,10 +66,11 @@ def run(options: argparse.Namespace) -> int:
 
     with reported("rc monitor") as code:
         check_names(options.middleware)
-        plan = _plan(options)
+        name = _network(options)
+        plan = _plan(name, options)
         try:
             board = Board()
-            server = Server(board, options.port)
+            server = Server(board, options.port, _control(name) if options.allow_control else None)
         except OSError as exc:
             print(f"rc monitor: port {options.port}: {exc.strerror}; choose another --port", file=sys.stderr)
             return WRONG
@@ -73,9 +80,9 @@ def run(options: argparse.Namespace) -> int:
     return code()
 
 
-def _plan(options: argparse.Namespace) -> Callable[[], Mapping[str, Any] | None]:
-    """What tells the plan of the network: again with each look, if it runs, since it may be changed meanwhile."""
-    from ..deploy.client import network_of, networks, running_plan
+def _network(options: argparse.Namespace) -> str:
+    """The name of the network; "" if there is none. Raises RobocompError."""
+    from ..deploy.client import network_of, networks
     from ..errors import ConfigurationError
 
     name = network_of(options.network) if options.network else ""
@@ -84,6 +91,28 @@ def _plan(options: argparse.Namespace) -> Callable[[], Mapping[str, Any] | None]
         if len(running) > 1:
             raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")
         name = "".join(running)
+    if options.allow_control and not name:
+        raise ConfigurationError("--allow-control is for a network that rcdeploy runs here, and none runs")
+    return name
+
+
+def _control(network: str) -> Callable[[str, str], None]:
+    """What does something to a process of this network. Raises RobocompError."""
+    from ..deploy.client import Connection
+    from ..tools.asking import printable
+
+    def control(do: str, process: str) -> None:
+        print(f"rc monitor: {do} of {printable(process)} was requested from the page", file=sys.stderr)
+        with Connection(network) as connection:
+            connection.ask("stop" if do == "stop" else "restart", names=[process])
+
+    return control
+
+
+def _plan(name: str, options: argparse.Namespace) -> Callable[[], Mapping[str, Any] | None]:
+    """What tells the plan of the network: again with each look, if it runs, since it may be changed meanwhile."""
+    from ..deploy.client import running_plan
+
     if not name:
         return lambda: None
     last = running_plan(name) or declared(options.network or name, options.include)

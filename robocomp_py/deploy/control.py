@@ -4,6 +4,7 @@ Requests and answers are JSON objects, one a line. A client may send several req
 
     {"do": "status"}                                          {"status": {a Snapshot}}
     {"do": "restart", "names": ["laser"]}                     {"accepted": true}
+    {"do": "stop", "names": ["laser"]}                        {"accepted": true}; "restart" starts it again
     {"do": "down", "grace": 0}                                {"accepted": true}; ends when the network has
     {"do": "logs", "names": [], "count": 20, "follow": true}  {"time": 1.5, "name": "laser", "line": "…"} for each, with
                                                               "record" if it was logged; {"now": true} after those of
@@ -43,7 +44,7 @@ from typing import Any, Protocol
 
 from ..errors import DeploymentError, HostUnreachable
 from .naming import DEPLOYER, meant
-from .policy import RestartRequested, StopRequested
+from .policy import EndRequested, RestartRequested, StopRequested
 from .ring import MOST_LINES, Line
 from .scouting import Scout
 from .snapshot import Network
@@ -189,6 +190,11 @@ class Control:
                 await client.send({"status": asdict(self._network.snapshot())})
             case "restart":
                 self._network.ask(RestartRequested(request.names))
+                await client.send({"accepted": True})
+            case "stop":
+                if not request.names:
+                    raise DeploymentError('"names" of this request is what is to be stopped; "down" stops all')
+                self._network.ask(EndRequested(request.names))
                 await client.send({"accepted": True})
             case "down":
                 self._network.ask(StopRequested(grace=request.grace, why="requested by rcdeploy down"))

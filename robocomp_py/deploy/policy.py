@@ -127,6 +127,13 @@ class RestartRequested:
 
 
 @dataclass(frozen=True, slots=True)
+class EndRequested:
+    """A user wants these (instances, processes or systems) to end, and to be started again only on request."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Lost:
     """A host is out of reach, and its processes with it."""
 
@@ -146,7 +153,7 @@ class Tick:
     """Nothing but time has passed: `Supervisor.wake` has come."""
 
 
-Event = Ready | Hung | Exited | Left | StopRequested | RestartRequested | Lost | Back | Tick
+Event = Ready | Hung | Exited | Left | StopRequested | RestartRequested | EndRequested | Lost | Back | Tick
 
 
 # Actions.
@@ -381,6 +388,8 @@ class Supervisor:
                 self._requested(code, grace, why)
             case RestartRequested(names):
                 self._restart_for_user([found for name in names for found in self.find(name)])
+            case EndRequested(names):
+                self._end_for_user([found for name in names for found in self.find(name)])
             case Lost(host):
                 self._lost(host)
             case Back(host):
@@ -474,6 +483,19 @@ class Supervisor:
         self._again(group, self._now, by_user=True)
         along = [each for each in group if each not in asked and each.again]
         self._tell_along(along, ", ".join(each.child.name for each in asked), again=True)
+
+    def _end_for_user(self, names: Collection[str]) -> None:
+        if self.stopping:
+            return
+        for each in (self.progress[name] for name in names):
+            if each.state is State.LOST:
+                continue
+            each.again, each.is_dropped = False, True
+            if each.state in _RUNNING:
+                each.leaving = True
+            elif each.state in (State.WAITING, State.RESTARTING):
+                self._gone(each)
+                self._to(each, State.ENDED)
 
     def _lost(self, host: str) -> None:
         self._lost_hosts.add(host)

@@ -11,7 +11,7 @@ import contextlib
 import random
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +32,7 @@ from .policy import (
     Along,
     Back,
     Child,
+    EndRequested,
     Event,
     Exited,
     Finish,
@@ -326,10 +327,10 @@ class _Run(Listener, Network):
         self._stop_asked.set()
         self._events.put_nowait(StopRequested(128 + number, 0.0 if kills else None))
 
-    def ask(self, event: RestartRequested | StopRequested) -> None:
+    def ask(self, event: RestartRequested | EndRequested | StopRequested) -> None:
         if self._events.qsize() > REQUESTS:
             raise DeploymentError(f"{self._plan.name} is overloaded; try again")
-        if isinstance(event, RestartRequested):
+        if isinstance(event, RestartRequested | EndRequested):
             self._check(event)
         else:
             self._stop_asked.set()
@@ -344,7 +345,7 @@ class _Run(Listener, Network):
             raise HostUnreachable(f"{host} is out of reach: {why}")
         return agent.scout()
 
-    def _check(self, request: RestartRequested) -> None:
+    def _check(self, request: RestartRequested | EndRequested) -> None:
         if self._stop_asked.is_set() or self._supervisor.stopping:
             raise DeploymentError(f"{self._plan.name} is stopping: nothing can be started")
         for name in request.names:
@@ -355,6 +356,17 @@ class _Run(Listener, Network):
             for each in found:
                 if self._supervisor.progress[each].is_stuck:
                     raise DeploymentError(f"{each} cannot be started: it was killed but has not ended")
+        if isinstance(request, EndRequested):
+            self._check_end({each for name in request.names for each in self._supervisor.find(name)})
+
+    def _check_end(self, names: Set[str]) -> None:
+        if not self._supervisor.up:
+            raise DeploymentError(f"{self._plan.name} is still starting; try again, or stop all of it: rcdeploy down")
+        for name in names:
+            if why := self._unreachable.get(self._processes[name].host):
+                raise HostUnreachable(f"{name} is on {self._processes[name].host}, which is out of reach: {why}")
+        if all(state.gone for name, state in self._supervisor.states.items() if name not in names):
+            raise DeploymentError(f"{self._plan.name} would end with that: to stop all of it, use rcdeploy down")
 
     # Events of agents.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from .agents import Life, Usage
-from .policy import RestartRequested, State, StopRequested
+from .policy import EndRequested, RestartRequested, State, StopRequested
 
 if TYPE_CHECKING:
     from .scouting import Scout
@@ -90,7 +90,7 @@ class Network(Protocol):
 
     def snapshot(self) -> Snapshot: ...
 
-    def ask(self, event: RestartRequested | StopRequested) -> None:
+    def ask(self, event: RestartRequested | EndRequested | StopRequested) -> None:
         """Request an action; it is carried out soon.
 
         Raises DeploymentError, with a sentence for the user, if a name is unknown or if it is too late.

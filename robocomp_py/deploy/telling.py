@@ -11,6 +11,7 @@ from .policy import (
     Action,
     Along,
     Back,
+    EndRequested,
     Event,
     Exited,
     GaveUp,
@@ -115,6 +116,11 @@ class Teller:
             case RestartRequested(names):
                 if not was_stopping:
                     self._display.tell(f"restart of {', '.join(names)} requested")
+            case EndRequested(names):
+                if not was_stopping:
+                    self._display.tell(f"stop of {', '.join(names)} requested")
+                    found = [one for name in names for one in self._supervisor.find(name)]
+                    self.how |= dict.fromkeys(found, "was stopped on request")
             case Tick():
                 pass
 

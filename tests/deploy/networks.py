@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
+from robocomp_py.deploy.policy import EndRequested, RestartRequested, State, StopRequested
 from robocomp_py.deploy.scouting import Scout
 from robocomp_py.deploy.snapshot import HostStatus, Network, ProcessStatus, Snapshot
 from robocomp_py.errors import DeploymentError, HostUnreachable
@@ -47,7 +47,7 @@ class Standing(Network):
 
     def __init__(self, *processes: ProcessStatus) -> None:
         self.now = snapshot(*processes)
-        self.asked: list[RestartRequested | StopRequested] = []
+        self.asked: list[RestartRequested | EndRequested | StopRequested] = []
         self.refusal = ""
         """Why nothing is done that is asked for."""
         self.scouts: dict[str, Callable[[], Scout]] = {}
@@ -57,7 +57,7 @@ class Standing(Network):
     def snapshot(self) -> Snapshot:
         return self.now
 
-    def ask(self, event: RestartRequested | StopRequested) -> None:
+    def ask(self, event: RestartRequested | EndRequested | StopRequested) -> None:
         if self.refusal:
             raise DeploymentError(self.refusal)
         self.asked.append(event)

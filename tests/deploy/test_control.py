@@ -26,7 +26,7 @@ from robocomp_py.deploy.client import (
 )
 from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, Control, read_request
 from robocomp_py.deploy.place import Place
-from robocomp_py.deploy.policy import RestartRequested, State, StopRequested
+from robocomp_py.deploy.policy import EndRequested, RestartRequested, State, StopRequested
 from robocomp_py.deploy.ring import MOST_LINES, Line, Ring
 from robocomp_py.deploy.scouting import BEHIND as BEHIND_OF_SCOUTS
 from robocomp_py.deploy.scouting import Scout
@@ -446,6 +446,14 @@ def test_nothing_is_started_again_on_a_host_that_is_out_of_reach(running: Runnin
     with Connection("home") as connection, pytest.raises(HostUnreachable, match=says):
         client.restart(connection, ["laser"], SOON, lambda missing: None)
     assert running.network.asked == []
+
+
+def test_a_wish_to_stop_a_process_is_passed_on(running: Running) -> None:
+    with Connection("home") as connection:
+        connection.ask("stop", names=["laser"])
+        assert running.network.asked == [EndRequested(("laser",))]
+        with pytest.raises(DeploymentError, match='"down" stops all'):
+            connection.ask("stop")
 
 
 def test_a_network_is_down_when_nothing_of_it_is_left(start: Start) -> None:

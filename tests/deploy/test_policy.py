@@ -16,6 +16,7 @@ from robocomp_py.deploy.policy import (
     Along,
     Back,
     Child,
+    EndRequested,
     Escalation,
     Event,
     Exited,
@@ -633,6 +634,38 @@ def test_a_user_does_not_wait_for_a_delay() -> None:
         Ready("lidar"), Exited("lidar", 1), RestartRequested(("lidar",)), (0.2, Tick()), network=(TENACIOUS,)
     )
     assert history[3:] == [[Start("lidar")], []]
+
+
+def test_what_a_user_has_stopped_is_not_started_again_until_asked_for() -> None:
+    always = replace(LIDAR, restart=Restart(When.ALWAYS))
+    history = replay(
+        Ready("lidar"), Ready("speech"), EndRequested(("lidar",)), Exited("lidar", TERM), (100.0, Tick()),
+        RestartRequested(("lidar",)), network=(always, SPEECH),
+    )  # fmt: skip
+    assert history[3:] == [[Stop("lidar")], [], [], [Start("lidar")]]
+
+
+def test_a_stop_by_a_user_cancels_a_pending_restart() -> None:
+    history = replay(
+        Ready("lidar"), Ready("speech"), Exited("lidar", 1), EndRequested(("lidar",)), (100.0, Tick()),
+        network=(TENACIOUS, SPEECH),
+    )  # fmt: skip
+    assert deeds(history)[4:] == [[], []]
+
+
+def test_what_a_user_has_stopped_stays_so_when_another_one_of_its_group_fails() -> None:
+    history = group(
+        Escalation.ONE_FOR_ALL, EndRequested(("c",)), Exited("c", TERM), Exited("a", 1), (1.0, Exited("b", 0))
+    )
+    assert Start("c") not in [each for actions in history for each in actions]
+
+
+def test_a_stop_by_a_user_is_no_failure_of_the_network() -> None:
+    history = replay(
+        Ready("lidar"), Ready("speech"), EndRequested(("lidar",)), Exited("lidar", TERM), StopRequested(),
+        Exited("speech", TERM), network=(LIDAR, SPEECH),
+    )  # fmt: skip
+    assert history[-1] == [Finish(0)]
 
 
 def test_a_user_may_name_an_instance_or_a_system() -> None:

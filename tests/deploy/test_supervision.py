@@ -15,7 +15,7 @@ from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.agents import Abandoned, Agent, Listener, Usage
 from robocomp_py.deploy.host_commands import ABREAST
 from robocomp_py.deploy.plan import Host, Link, Plan
-from robocomp_py.deploy.policy import Escalation, Restart, RestartRequested, State, StopRequested, When
+from robocomp_py.deploy.policy import EndRequested, Escalation, Restart, RestartRequested, State, StopRequested, When
 from robocomp_py.deploy.process import Process
 from robocomp_py.deploy.run import Options, run_plan
 from robocomp_py.deploy.snapshot import Meter, Network, ProcessStatus
@@ -413,7 +413,7 @@ def test_errors_of_making_agents_are_reported() -> None:
 class Visitor:
     """Looks at a network when it is up, and asks for things."""
 
-    def __init__(self, *asks: RestartRequested | StopRequested) -> None:
+    def __init__(self, *asks: RestartRequested | EndRequested | StopRequested) -> None:
         self._asks = asks
         self.seen: list[ProcessStatus] = []
         self.refused: list[str] = []
@@ -441,6 +441,29 @@ def test_a_user_has_something_started_again() -> None:
     assert scene.did == ["open", "start laser", "stop laser", "start laser", "stop laser", "close"]
     assert scene.code == 130
     assert told.said[1:3] == ["restart of laser requested", "laser is ready again"]
+
+
+def test_a_user_has_a_process_stopped_and_started() -> None:
+    visitor = Visitor(EndRequested(("laser",)))
+
+    def start() -> None:
+        assert visitor.network
+        assert visitor.network.snapshot().processes[0].how == "was stopped on request"
+        visitor.network.ask(RestartRequested(("laser",)))
+
+    told = Told(on={"up": visitor.come, "ready again": interrupt})
+    script = {"stop laser": [both(exits(0), lambda listener, name: asyncio.get_running_loop().call_soon(start))]}
+    scene = Scene(plan(process("laser"), process("arm")), told, script, services=[visitor])
+    assert [each for each in scene.did if "laser" in each] == [
+        "start laser", "stop laser", "start laser", "stop laser"
+    ]  # fmt: skip
+    assert told.said[1] == "stop of laser requested"
+
+
+def test_a_stop_that_would_end_the_network_is_refused() -> None:
+    visitor = Visitor(EndRequested(("laser",)), StopRequested())
+    Scene(plan(process("laser")), Told(on={"up": visitor.come}), services=[visitor])
+    assert visitor.refused == ["patrol would end with that: to stop all of it, use rcdeploy down"]
 
 
 def test_a_user_has_the_network_stopped_and_that_is_no_failure() -> None:

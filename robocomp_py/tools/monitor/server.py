@@ -1,8 +1,9 @@
 """Serves the page of a monitor to browsers of this machine.
 
 The server listens on loopback, and answers nothing but 403 to what does not come from its own page: to another `Host`
-(a page elsewhere whose name leads here), another `Origin`, or without the token of its URL. It only tells. The numbers
-of connections and of readers are bounded, and each wait has a deadline. The page makes no request to anywhere else.
+(a page elsewhere whose name leads here), another `Origin`, or without the token of its URL. It only tells, unless it
+is given a `control`: then its page may restart, stop and start processes. The numbers of connections and of readers are
+bounded, and each wait has a deadline. The page makes no request to anywhere else.
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
+
+from ...errors import RobocompError
 
 READERS = 16
 """Maximum number of pages that are told what happens."""
@@ -38,7 +41,18 @@ _WRITE_S = 5.0
 _QUIET_S = 2.0
 """Seconds after which a reader is told something, so that one that is gone is noticed."""
 
+_LONGEST = 2000
+"""Maximum number of octets of what the page asks for."""
+
+_READ = 64 * 1024
+"""Octets of a longer one that are read all the same: a connection with unread input is reset, and its answer lost."""
+
 _LOOPBACK = "127.0.0.1"
+
+Control = Callable[[str, str], None]
+"""Does `restart`, `stop` or `start` to a process. Raises RobocompError, with a sentence for people."""
+
+DEEDS = "restart", "stop", "start"
 
 log = logging.getLogger("robocomp.monitor")
 
@@ -119,11 +133,11 @@ class Board:
 class Server:
     """Serves a board until it is closed. Raises OSError if the port is taken."""
 
-    def __init__(self, board: Board, port: int = 0) -> None:
-        """With port 0, the system chooses one."""
+    def __init__(self, board: Board, port: int = 0, control: Control | None = None) -> None:
+        """With port 0, the system chooses one. Without `control`, nothing can be changed from the page."""
         self._board = board
         self._token = secrets.token_urlsafe(16)
-        self._http = _Http(board, self._token, port)
+        self._http = _Http(board, self._token, port, control)
         self._thread = threading.Thread(target=self._http.serve_forever, args=(0.2,), name="monitor", daemon=False)
 
     @property
@@ -154,8 +168,8 @@ class _Http(ThreadingHTTPServer):
     allow_reuse_address = True
     request_queue_size = _CONNECTIONS
 
-    def __init__(self, board: Board, token: str, port: int) -> None:
-        self.board, self.token = board, token
+    def __init__(self, board: Board, token: str, port: int, control: Control | None) -> None:
+        self.board, self.token, self.control = board, token, control
         self._lock = threading.Lock()
         self._open: dict[socket.socket, float] = {}
         """All connections, each with the time by which its request must have come."""
@@ -225,6 +239,40 @@ class _Handler(BaseHTTPRequestHandler):
             else:
                 self._answer(HTTPStatus.NOT_FOUND, "there is nothing but / and /events")
 
+    def do_POST(self) -> None:
+        self.server.has_come(self.connection)
+        self.close_connection = True
+        self.connection.settimeout(_WRITE_S)
+        url = urlsplit(self.path)
+        length = self.headers.get("Content-Length", "")
+        size = int(length) if length.isascii() and length.isdecimal() and len(length) < 10 else 0
+        with contextlib.suppress(ConnectionError, TimeoutError):
+            body = self.rfile.read(min(size, _READ))
+            if self.server.control is None:
+                self._answer(HTTPStatus.NOT_IMPLEMENTED, "nothing can be changed: start rc monitor --allow-control")
+            elif why := self._refused(parse_qs(url.query)):
+                self._answer(HTTPStatus.FORBIDDEN, why)
+            elif url.path != "/control":
+                self._answer(HTTPStatus.NOT_FOUND, "there is nothing but /control")
+            else:
+                self._control(self.server.control, body)
+
+    def _control(self, control: Control, body: bytes) -> None:
+        if len(body) > _LONGEST or self.headers.get("Content-Type") != "application/json":
+            self._answer(HTTPStatus.BAD_REQUEST, f"a request is JSON of at most {_LONGEST} octets")
+            return
+        try:
+            match json.loads(body):
+                case {"do": str(do), "process": str(process)} if do in DEEDS:
+                    control(do, process)
+                    self._answer(HTTPStatus.OK, "")
+                case _:
+                    self._answer(HTTPStatus.BAD_REQUEST, f"`do` is one of {', '.join(DEEDS)}, `process` a name")
+        except (ValueError, RecursionError):
+            self._answer(HTTPStatus.BAD_REQUEST, "a request is JSON")
+        except RobocompError as exc:
+            self._answer(HTTPStatus.CONFLICT, str(exc))
+
     def _refused(self, query: Mapping[str, list[str]]) -> str:
         """Why this request is not answered; "" if it is."""
         own = [f"http://{host}" for host in self.server.hosts]
@@ -242,6 +290,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _page(self) -> None:
         nonce = secrets.token_urlsafe(16)
         page = (files(__package__) / "page.html").read_text(encoding="utf-8").replace("{{nonce}}", nonce)
+        page = page.replace("{{control}}", "true" if self.server.control else "false")
         rules = (
             f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; connect-src 'self'; "
             "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

@@ -192,6 +192,8 @@ def _summary(look: Look, nodes: Sequence[Node], arrows: Sequence[Connection]) ->
 def _components(look: Look, nodes: Sequence[Node]) -> list[dict[str, Any]]:
     instances = {each.name: each for each in look.drift.instances}
     answers = {name: answers_of(each, look.told) for name, each in instances.items()}
+    declared = look.plan["processes"] if look.plan is not None else ()
+    runs_in = {str(name): str(each["name"]) for each in declared for name in each["instances"]}
     rows = []
     for place, node in enumerate(nodes):
         instance, answer = instances[node.name], answers[node.name]
@@ -201,6 +203,7 @@ def _components(look: Look, nodes: Sequence[Node]) -> list[dict[str, Any]]:
                 "id": node.name,
                 "shape": f"node-{place}",
                 "name": node.name,
+                "runs_in": runs_in.get(node.name, ""),
                 "kind": node.component,
                 "mark": str(node.mark),
                 "strained": node.is_strained,

@@ -1,5 +1,5 @@
-// Drives a browser by lines of JSON: {"open": URL}, {"wait": JS}, {"press": KEY}, {"width": PIXELS}, {"requests": true}.
-// Each is answered by a line of JSON. Ends with its input.
+// Drives a browser by lines of JSON: {"open": URL}, {"wait": JS}, {"press": KEY}, {"width": PIXELS}, {"click": CSS},
+// {"requests": true}, {"dialogs": true}. Dialogs are accepted. Each is answered by a line of JSON. Ends with its input.
 import { createInterface } from "node:readline";
 import puppeteer from "puppeteer-core";
 
@@ -10,6 +10,8 @@ const browser = await puppeteer.launch({
 const page = await browser.newPage();
 const requests = [], complaints = [];
 page.on("request", each => requests.push(each.url()));
+let dialogs = [];
+page.on("dialog", async each => { dialogs.push(each.message()); await each.accept(); });
 page.on("pageerror", each => complaints.push(String(each)));
 page.on("console", each => { if (each.type() === "error") complaints.push(each.text()); });
 
@@ -18,6 +20,8 @@ const steps = {
   wait: async script => (await page.waitForFunction(script, { timeout: 60000, polling: 50 })).jsonValue(),
   press: async key => page.keyboard.press(key),
   width: async pixels => page.setViewport({ width: pixels, height: 700 }),
+  click: async selector => page.click(selector),
+  dialogs: async () => dialogs,
   requests: async () => requests,
   complaints: async () => complaints,
   picture: async path => page.screenshot({ path }).then(() => null),

@@ -116,13 +116,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[Browser]:
+def opened(folder: Path, *words: str) -> Iterator[Browser]:
     """The page of a monitor of the network."""
     chromium = shutil.which("chromium")
     assert chromium, "install chromium"
     piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with (
-        started(folder, "rc", "monitor", "net.ddsl", "--every", "0.3", stdout=subprocess.PIPE) as monitor,
+        started(folder, "rc", "monitor", "net.ddsl", "--every", "0.3", *words, stdout=subprocess.PIPE) as monitor,
         started(folder / "browser", "node", "browser.mjs", chromium, **piped) as driver,
     ):
         assert monitor.stdout
@@ -178,3 +178,26 @@ def test_the_page_is_of_use_on_a_narrow_screen_and_by_keyboard(folder: Path) -> 
         browser(press="Enter")  # shows the connection in the picture
         browser(wait="document.querySelectorAll('#picture path.chosen').length === 1")
         assert browser(wait="[getComputedStyle(document.activeElement).outlineStyle]") == ["solid"]
+
+
+@pytest.mark.tool
+@pytest.mark.timeout(600)
+def test_a_process_is_stopped_and_started_from_the_page(folder: Path) -> None:
+    with (
+        started(folder, "rcdeploy", "up", "net.ddsl", "--middleware", "zeromq"),
+        opened(folder, "--allow-control") as browser,
+    ):
+
+        def process() -> str:
+            return browser.text_of("clockwork", "process")
+
+        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'compute'")
+        first = browser(wait=process())
+        browser(click="button[aria-label='restart clockwork']")
+        browser(wait=f"{process()} && {process()} !== {first!r}")
+        browser(click="button[aria-label='stop clockwork']")
+        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'missing'")
+        browser(click="button[aria-label='start clockwork']")
+        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'compute'")
+        assert browser(dialogs=True) == ["restart clockwork?", "stop clockwork?", "start clockwork?"]
+        assert browser(complaints=True) == []

@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.monitor import server as module
 from robocomp_py.tools.monitor.server import READERS, Board, Server
@@ -120,6 +121,79 @@ def test_nothing_can_be_changed(server: Server, method: str) -> None:
 
 def test_there_is_nothing_else(server: Server) -> None:
     assert asked(server, "/../server.py").status == 404
+
+
+# What a page may do, if it is allowed.
+
+
+@pytest.fixture
+def done() -> list[tuple[str, str]]:
+    return []
+
+
+@pytest.fixture
+def controlled(board: Board, done: list[tuple[str, str]]) -> Iterator[Server]:
+    def control(do: str, process: str) -> None:
+        if process == "ghost":
+            raise DeploymentError("home has no `ghost`")
+        done.append((do, process))
+
+    with Server(board, control=control) as made:
+        yield made
+
+
+def posted(
+    server: Server, body: object, token: bool = True, path: str = "/control", **headers: str
+) -> tuple[int, bytes]:
+    """The status and the text of the answer."""
+    query = urlsplit(server.url).query if token else "token=no"
+    given = {"Content-Type": "application/json"} | {name.replace("_", "-"): each for name, each in headers.items()}
+    text = body if isinstance(body, str) else json.dumps(body)
+    with closing(HTTPConnection("127.0.0.1", server.port, timeout=SOON)) as connection:
+        connection.request("POST", f"{path}?{query}", text, given)
+        with connection.getresponse() as answer:
+            return answer.status, answer.read()
+
+
+@pytest.mark.parametrize("do", ["restart", "stop", "start"])
+def test_a_process_is_controlled_from_the_page(controlled: Server, done: list[tuple[str, str]], do: str) -> None:
+    assert posted(controlled, {"do": do, "process": "laser"})[0] == 200
+    assert done == [(do, "laser")]
+    assert 'mayControl = "true"' in asked(controlled).read().decode()
+
+
+def test_without_permission_the_page_offers_nothing(server: Server) -> None:
+    assert posted(server, {"do": "stop", "process": "laser"})[0] == 501
+    assert 'mayControl = "false"' in asked(server).read().decode()
+
+
+def test_nothing_is_done_for_another_page(controlled: Server, done: list[tuple[str, str]]) -> None:
+    wish = {"do": "stop", "process": "laser"}
+    assert posted(controlled, wish, token=False)[0] == 403
+    assert posted(controlled, wish, Host="evil.example")[0] == 403
+    assert posted(controlled, wish, Origin="http://evil.example")[0] == 403
+    assert posted(controlled, wish, Sec_Fetch_Site="cross-site")[0] == 403
+    assert posted(controlled, wish, path="/")[0] == 404
+    assert done == []
+
+
+@pytest.mark.parametrize(
+    "body", ["", "nonsense", "[" * 1000, "x" * 5000, {"do": "kill", "process": "laser"}, {"do": "stop"}, {"do": 7}]
+)
+def test_a_wish_that_is_not_understood_is_refused(
+    controlled: Server, done: list[tuple[str, str]], body: object
+) -> None:
+    assert posted(controlled, body)[0] == 400
+    assert done == []
+
+
+def test_a_wish_of_another_kind_is_refused(controlled: Server, done: list[tuple[str, str]]) -> None:
+    assert posted(controlled, {"do": "stop", "process": "laser"}, Content_Type="text/plain")[0] == 400
+    assert done == []
+
+
+def test_the_reason_of_a_refusal_is_told(controlled: Server) -> None:
+    assert posted(controlled, {"do": "stop", "process": "ghost"}) == (409, b"home has no `ghost`")
 
 
 # What readers are told.
