@@ -150,8 +150,9 @@ class _Closer(threading.Thread):
 
 
 def _instances(network: str) -> frozenset[str]:
-    """The instances of a network that runs on this host; empty if it does not run."""
+    """The instances of a network that runs on this host, and what their channels begin with; none if it does not run."""
     from ..deploy.client import running_plan
 
     plan = running_plan(network) or {}
-    return frozenset(each for process in plan.get("processes", ()) for each in process.get("instances", ()))
+    names = {each for process in plan.get("processes", ()) for each in process.get("instances", ())}
+    return frozenset(names | {each["channels"].strip("/") for each in plan.get("ours", {}).values()})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import subprocess
 import sys
 import threading
@@ -22,6 +23,7 @@ from robocomp_py.client.values import Record, Types, record
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.types import FLOAT64, INT32, Enumeration, ExceptionType, Field, Struct
+from robocomp_py.deploy.place import Place
 from robocomp_py.errors import (
     Busy,
     Cancelled,
@@ -209,6 +211,21 @@ def test_names_are_completed_and_shown(net: Any) -> None:
     assert net.talker.Everything.divide.__doc__ == taught
     assert "<td><code>divide</code></td><td>query</td>" in net.talker.Everything._repr_html_()
     assert str(net.talker.Everything.divide.__signature__) == "(dividend, divisor)"
+
+
+def test_a_network_with_a_namespace_is_found_by_its_name(own_runtime_folder: Path) -> None:
+    place = Place("tamed")
+    place.take("a test")
+    ours = {"station": {"channels": "robot1/station"}}
+    place.leave_plan(json.dumps({"processes": [{"instances": ["station"]}], "ours": ours}))
+    with (
+        running(make(Station, find_transport, "middleware=shm", "namespace=robot1")),
+        running(make(Diary, find_transport, "middleware=shm")),
+        connect("tamed", middleware="shm", timeout=SOON) as net,
+    ):
+        assert "robot1" in net
+        assert net.robot1.station.Everything.work("dig") == "dig"
+    place.release()
 
 
 def test_a_component_may_be_called_like_a_method() -> None:

@@ -36,6 +36,9 @@ from ..runtime.components import Calculator, Tuned
 from ..runtime.test_middlewares import Station
 from ..runtime.test_run import make, running
 
+LONG = 6 * SOON
+"""Seconds for a client and its server, which may be a process that has to start."""
+
 SET = ("middleware=shm", "namespace=robot1")
 PLAN = {
     "name": "tamed",
@@ -70,7 +73,7 @@ def network() -> Iterator[dict[str, Any]]:
         running(make(Tuned, find_transport, *SET, "params.device=here")) as tuned,
         running(make(Calculator, find_transport, *SET)) as stranger,
     ):
-        wait_until(lambda: len(asking.components(take_census(["shm"]))) >= 3)
+        wait_until(lambda: len(asking.components(take_census(["shm"]))) >= 3, LONG)
         yield {"station": station, "tuned": tuned, "calculator": stranger}
 
 
@@ -94,7 +97,7 @@ class Agent:
             async with Client(make_server(self.requests, "tamed"), mode=mode) as client:
                 return await client.call_tool(tool, arguments)
 
-        found = asyncio.run(asyncio.wait_for(ask(), SOON))
+        found = asyncio.run(asyncio.wait_for(ask(), LONG))
         [content] = found.content
         if found.is_error:
             raise Refused(content.text)
@@ -236,13 +239,13 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any])
                 called = await client.call_tool("call", {"operation": "work", "arguments": {"task": "stdio"}})
                 return [each.name for each in tools], called.content[0]
 
-        tools, content = asyncio.run(asyncio.wait_for(ask(), SOON))
+        tools, content = asyncio.run(asyncio.wait_for(ask(), LONG))
         assert tools[-1] == "call"
         assert json.loads(content.text) == {"result": "stdio"}
         assert "work stdio" in network["station"].entries
         log = (place.logs / "rc-mcp.log").read_text()
         assert 'call robot1/station/Everything/work {"task": "stdio"}' in log
-        wait_until(lambda: "INFO: ends" in (place.logs / "rc-mcp.log").read_text())
+        wait_until(lambda: "INFO: ends" in (place.logs / "rc-mcp.log").read_text(), LONG)
     finally:
         place.release()
 
@@ -277,5 +280,5 @@ def test_the_guide_lists_every_tool() -> None:
             async with Client(make_server(agent.requests, "tamed")) as client:
                 return [each.name for each in (await client.list_tools()).tools]
 
-        tools = asyncio.run(asyncio.wait_for(ask(), SOON))
+        tools = asyncio.run(asyncio.wait_for(ask(), LONG))
     assert re.findall(r"^\| `(\w+)` \|", guide, re.M) == tools
