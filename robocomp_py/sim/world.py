@@ -24,7 +24,7 @@ from ..errors import RobocompError
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.camera import Lens
-from ..innermodel.read import InnerModelError
+from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed, between, moved
@@ -59,7 +59,9 @@ _TOUCH = 1e-9
 _FARTHEST = 1e9
 """mm or rad, also a second: a base does not go on beyond this, 1000 km."""
 
-_UNSTABLE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+_BAD_POSITION = int(mujoco.mjtWarning.mjWARN_BADQPOS)
+_BAD_VELOCITY = int(mujoco.mjtWarning.mjWARN_BADQVEL)
+_BAD_ACCELERATION = int(mujoco.mjtWarning.mjWARN_BADQACC)
 
 T = TypeVar("T")
 
@@ -573,10 +575,12 @@ class World:
         speed = float(self._data.qvel[found.freedom])
         return speed * 1000.0 if found.slides else speed
 
-    def matrix(self, node: str, seen_from: str = "root") -> Array:
+    def matrix(self, node: str, seen_from: str = ROOT_ID) -> Array:
         """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""
-        found, other = self._matrix(node), self._matrix(seen_from)
-        made: Array = axes.inverse(other) @ found
+        found = self._matrix(node)
+        if seen_from == ROOT_ID:
+            return found
+        made: Array = axes.inverse(self._matrix(seen_from)) @ found
         return made
 
     def poses(self) -> Array:
@@ -721,12 +725,16 @@ class World:
             ahead, aside, turn = (one * factor for one, factor in zip(drive.speed, factors, strict=True))
             self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
         mujoco.mj_step(self._scene.model, self._data)
-        if any(self._data.warning[each].number for each in _UNSTABLE):
+        warnings = self._data.warning.number
+        if warnings[_BAD_POSITION] or warnings[_BAD_VELOCITY] or warnings[_BAD_ACCELERATION]:
             raise SimulationError(
                 f"physics became unstable after {self.time:.3f} s: shapes may overlap, or masses may differ too much"
             )
         for name, (before, factors) in told.items():
-            drive, did = self._drives[name], between(before, self._pose(name), self._tick)
+            drive, after = self._drives[name], self._pose(name)
+            if after == before:
+                continue
+            did = between(before, after, self._tick)
             by_wheels = Speed(*(one / factor for one, factor in zip(did, factors, strict=True)))
             drive.odometry = moved(drive.odometry, by_wheels, self._tick)
             drive.corrected = moved(drive.corrected, by_wheels, self._tick)
