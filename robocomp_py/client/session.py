@@ -150,7 +150,7 @@ class _Closer(threading.Thread):
 
 
 def _instances(network: str) -> frozenset[str]:
-    """The instances of a network that runs on this host, and what their channels begin with; none if it does not run."""
+    """The instances of a running network, and what the names of their channels begin with; none if it does not run."""
     from ..deploy.client import running_plan
 
     plan = running_plan(network) or {}
