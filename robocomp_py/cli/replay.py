@@ -21,6 +21,7 @@ from .live import EXIT_STATUS, Absent, add_json, add_middleware, add_waiting, po
 
 if TYPE_CHECKING:
     from ..tools.recording.reader import Recording
+    from ..tools.replay.answers import Answer
     from ..tools.replay.choice import Part
     from ..tools.replay.pace import Pace
     from ..tools.replay.player import Delays, Keys, Player
@@ -35,12 +36,15 @@ examples:
   rc replay run1 --only LaserPub --loop          one interface, again and again, until Ctrl-C
   rc replay run1 --start 12 --for 5 --rate 0.5   five seconds of it, at half the speed
   rc replay run1 --remap world=ghost             as the topics of another instance
+  rc replay run1 --answer                        and answers to the queries that were recorded
   rc replay run1 --paused                        message by message, with the key s
 
 Keys: space pauses and goes on, s sends the next message, + and - double and halve the rate.
 
 Each topic is published over all middlewares by which something subscribes to it, also if that appears later. Commands
-may move a robot, so they are sent only if --only names them.
+may move a robot, so they are sent only if --only names them. With --answer, queries
+are served over all middlewares by which something calls them. The answer is the newest response that was recorded until
+then, whatever is asked; before the first one, it is the first.
 
 {EXIT_STATUS}
 """
@@ -64,6 +68,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         metavar="OLD=NEW",
         help="replace a part of names, as in world=ghost; may be repeated",
     )
+    to.add_argument(
+        "--answer",
+        action="store_true",
+        help="also serve recorded queries, with the newest response until then",
+    )
     to.add_argument("--paused", action="store_true", help="begin with a pause; needs a terminal")
     to.add_argument("--beside", action="store_true", help="publish topics also if something else publishes them now")
     add_waiting(to)
@@ -74,6 +83,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from ..errors import ConfigurationError
     from ..tools.recording.reader import Recording
+    from ..tools.replay.answers import answers_of
     from ..tools.replay.choice import parts_of, remap
 
     with reported("rc replay") as code:
@@ -82,45 +92,61 @@ def run(options: argparse.Namespace) -> int:
         remaps = [remap(each) for each in options.remap]
         with Recording(options.recording) as recording:
             parts, left_out = parts_of(recording, options.only, remaps)
-            for name, why in left_out.items():
-                _tell(f"{name} is left out: {why}")
-            if not parts:
+            answers = answers_of(recording, options.only, remaps) if options.answer else []
+            for name in left_out.keys() - {each.topic.name for each in answers}:
+                _tell(f"{name} is left out: {left_out[name]}")
+            if options.answer and not answers:
+                raise Absent(f"{options.recording}: it has no queries; `rc record --calls` records them")
+            if not parts and not answers:
                 raise Absent(f"{options.recording}: it has nothing to replay")
-            return _replay(recording, parts, options)
+            return _replay(recording, parts, answers, options)
     return code()
 
 
-def _replay(recording: Recording, parts: list[Part], options: argparse.Namespace) -> int:
+def _replay(recording: Recording, parts: list[Part], answers: list[Answer], options: argparse.Namespace) -> int:
     from ..tools.access import Access
     from ..tools.census import take_census
     from ..tools.replay.ahead import Ahead
+    from ..tools.replay.answers import Answers, servers
     from ..tools.replay.choice import clashes
     from ..tools.replay.pace import Pace
     from ..tools.replay.player import Player
     from ..tools.replay.stage import Stage
 
     start, end = span_of(options, recording)
-    names = [each.topic.name for each in parts]
+    names = [*(each.topic.name for each in parts), *(each.topic.name for each in answers)]
     if next(recording.messages(names, start, end), None) is None:
         raise Absent(f"{options.recording}: it has no messages there; it takes {_seconds(recording):.1f} s")
     census = partial(take_census, options.middleware, own=True)
     census()  # a middleware that there is not is told before anything else
-    if not options.beside and (found := clashes(parts, take_census(own=True))):
+    there = take_census(own=True)
+    if found := servers(answers, there):
+        raise Absent(f"{found[0]}; stop it, or leave it out by --only or --remap")
+    if not options.beside and (found := clashes(parts, there)):
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         raise Absent(f"{found[0]}{more}; stop it, publish under another name with --remap, or add --beside")
-    with Access() as access, Stage(access, parts, census, _tell, always=options.middleware) as stage:
-        if not stage.wait_heard(options.timeout):
-            raise Absent(f"nothing subscribes to {_named(parts)}; `rc list --topics` shows all topics")
-        stage.watch()
-        reading = Ahead(recording, names, start=start, end=end, is_loop=options.loop)
-        with reading as messages, _keys() as keys:
-            pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
-            player = Player(pace, keys, stage.send, partial(_show, seconds=_length(recording, options)))
-            begun = time.monotonic()
-            try:
-                player.play(messages)
-            finally:
-                _sum_up(parts, stage, player, time.monotonic() - begun, options)
+    with Access() as access:
+        serving = Answers(access, answers, _tell, always=options.middleware)
+        serving.begin(recording, start, end)
+        stage = Stage(access, parts, census, _tell, always=options.middleware, also=serving.look)
+
+        def send(topic: str, data: bytes) -> None:
+            if not serving.note(topic, data):
+                stage.send(topic, data)
+
+        with stage:
+            if not stage.wait_heard(options.timeout):
+                raise Absent(_unused(parts, answers))
+            stage.watch()
+            reading = Ahead(recording, names, start=start, end=end, is_loop=options.loop)
+            with reading as messages, _keys() as keys:
+                pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
+                player = Player(pace, keys, send, partial(_show, seconds=_length(recording, options)))
+                begun = time.monotonic()
+                try:
+                    player.play(messages)
+                finally:
+                    _sum_up(parts, answers, stage, player, time.monotonic() - begun, options)
     return FINE
 
 
@@ -136,6 +162,12 @@ def _length(recording: Recording, options: argparse.Namespace) -> float:
 def _named(parts: list[Part]) -> str:
     first, *others = sorted({each.channel for each in parts})
     return f"{first} or to {len(others)} other topics of the recording" if others else first
+
+
+def _unused(parts: list[Part], answers: list[Answer]) -> str:
+    wrong = [f"nothing subscribes to {_named(parts)}"] if parts else []
+    wrong += [f"nothing calls {', '.join(each.channel for each in answers)}"] if answers else []
+    return f"{', and '.join(wrong)}; `rc list --channels` shows all"
 
 
 # The terminal.
@@ -214,7 +246,14 @@ def _show(pace: Pace, now: int, *, seconds: float) -> None:
 # The end.
 
 
-def _sum_up(parts: list[Part], stage: Stage, player: Player, seconds: float, options: argparse.Namespace) -> None:
+def _sum_up(
+    parts: list[Part],
+    answers: list[Answer],
+    stage: Stage,
+    player: Player,
+    seconds: float,
+    options: argparse.Namespace,
+) -> None:
     _clear()
     late = player.delays
     topics = [
@@ -229,13 +268,19 @@ def _sum_up(parts: list[Part], stage: Stage, player: Player, seconds: float, opt
         for each in parts
     ]
     if options.json:
+        queries = [
+            {"channel": each.channel, "answered": each.answered, "middlewares": list(each.ways)} for each in answers
+        ]
         told = {"recording": str(options.recording), "seconds": seconds, "late": late._asdict(), "topics": topics}
-        print(json.dumps(told), flush=True)
+        print(json.dumps({**told, "queries": queries}), flush=True)
         return
     messages = sum(each.sent for each in parts if stage.ways(each))
     print(f"{options.recording}: {messages} messages in {seconds:.1f} s, {_lateness(late)}", flush=True)
     for each in parts:
         print(f"  {each.channel}: {_fate(each, stage.ways(each))}", flush=True)
+    for query in answers:
+        over = f"{query.answered} calls answered over {', '.join(query.ways)}" if query.ways else "nothing called it"
+        print(f"  {query.channel}: {over}", flush=True)
 
 
 def _lateness(late: Delays) -> str:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
 from ..contract.types import LINEAGE, thrown
-from ..errors import RemoteFailure, Unreachable
-from ..runtime.calls import Call
+from ..errors import RemoteFailure, RobocompError, Unreachable
+from ..runtime.calls import Call, Handler
 from ..transports import base
 from ..transports.base import (
     Caller,
@@ -27,7 +27,7 @@ from ..transports.base import (
     TypeRef,
     find_transport,
 )
-from ..wire.codec import Codec
+from ..wire.codec import Codec, Payload
 from . import far
 from .network import TOOL, Channel
 from .thrown import ThrownError as ThrownError
@@ -145,6 +145,31 @@ class Access:
         path = base.Channel(name, pattern, _type(operation, pattern), qos)
         base.require(transport, middleware, path)
         return transport.outlet(path), transport.codec
+
+    def server(
+        self, middleware: str, name: str, operation: Operation[Any], answer: Callable[[], tuple[Any, ...]]
+    ) -> Link:
+        """Serve a query under a name. `answer` is called on any thread, and returns the outputs; its RobocompErrors are
+        failures of the call.
+
+        Raises TransportError.
+        """
+        transport = self._transport(middleware)
+        encode, handler = transport.codec.encoder(operation.response), Handler(operation, transport.codec, answer)
+
+        def serve(request: Payload, expires: float) -> Reply:
+            try:
+                return Reply(Status.OK, encode(answer()))
+            except RobocompError as exc:
+                return handler.failed(exc)
+
+        path = base.Channel(name, Pattern.QUERY, _type(operation, Pattern.QUERY), DEFAULT_QOS)
+        return transport.server(path, serve)
+
+    def receiver(self, middleware: str, name: str, operation: Operation[Any], sink: Sink) -> Link:
+        """Receive commands under a name. Raises TransportError."""
+        path = base.Channel(name, Pattern.COMMAND, _type(operation, Pattern.COMMAND), DEFAULT_QOS)
+        return self._transport(middleware).inlet(path, sink)
 
     def _caller(self, channel: Channel) -> tuple[Caller, Call[Any]]:
         transport = self._of(channel)

@@ -38,6 +38,9 @@ INFO = Struct(
 )
 """What is told of a call beside its messages; `took` is in s, and `status` one of those in Introspection.idsl."""
 
+CALLS = "/calls"
+"""What follows the name of a channel in the name of the topic of its calls."""
+
 LOGS = "rosout"
 """The name of the topic of log records."""
 
@@ -71,7 +74,7 @@ def calls_of(operation: Operation[Any]) -> Operation[None]:
 
 def calls_topic(name: str, operation: Operation[Any], pattern: Pattern, owner: str, middleware: str) -> Calls:
     """The topic of the calls of a channel; `owner` serves it."""
-    return Calls(f"{name}/calls", calls_of(operation), owner, middleware, called=operation, calls=pattern)
+    return Calls(f"{name}{CALLS}", calls_of(operation), owner, middleware, called=operation, calls=pattern)
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def parts_of(recording: Recording, only: Sequence[str], remaps: Iterable[Remap])
         if topic.operation is None:
             left_out[name] = topic.problem
         elif topic.called is not None or name == LOGS:
-            left_out[name] = "calls and log records are not sent again"
+            left_out[name] = "calls and log records are not sent again; --answer serves queries"
         elif topic.pattern is Pattern.QUERY:
             left_out[name] = "queries are not replayed"
         elif topic.pattern is Pattern.COMMAND and not only:

@@ -55,11 +55,13 @@ class Stage:
         tell: Callable[[str], object],
         *,
         always: Sequence[str] = (),
+        also: Callable[[Network], bool] = lambda network: False,
     ) -> None:
         """`tell` gets messages for people. Over middlewares in `always`, topics are published even if no subscriber is
-        seen: some subscribers become visible only once there is a publisher."""
+        seen: some subscribers become visible only once there is a publisher. `also` gets each look at the network, and
+        says whether something else of the recording is used."""
         self._access, self._census, self._tell, self._always = access, census, tell, always
-        self._parts = parts
+        self._parts, self._also, self._is_used = parts, also, False
         self._by_topic = {each.topic.name: each for each in parts}
         self._ways: dict[str, tuple[_Way, ...]] = {}
         """By topic. Its values are replaced whole, so that `send` needs no lock."""
@@ -88,7 +90,7 @@ class Stage:
         end = time.monotonic() + timeout
         while True:
             self._look()
-            if any(self._has_peer(each, 0.0) for each in self._every()):
+            if self._is_used or any(self._has_peer(each, 0.0) for each in self._every()):
                 break
             if time.monotonic() > end:
                 return False
@@ -133,6 +135,7 @@ class Stage:
 
     def _look(self) -> None:
         network = self._census()
+        self._is_used = self._also(network)
         for part in self._parts:
             for middleware in self._wanted(part, network):
                 if way := self._opened(part, middleware):

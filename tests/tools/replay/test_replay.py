@@ -229,7 +229,7 @@ def test_keys_pause_it_and_send_single_messages(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "why"),
     [
-        (("--timeout", "0.1"), 1, f"nothing subscribes to {CHANNEL}; `rc list --topics` shows all topics"),
+        (("--timeout", "0.1"), 1, f"nothing subscribes to {CHANNEL}; `rc list --channels` shows all"),
         (("--only", "nws"), 1, "`nws` is not in it; did you mean `news`?"),
         (("--remap", "talker"), 2, "--remap talker: write OLD=NEW, as in `world=ghost`"),
         (("--remap", "elephant=ghost"), 1, "`elephant` is not in it"),
