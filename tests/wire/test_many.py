@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from robocomp_py.contract.types import (
     BOOL,
-    DTYPES,
     FLOAT32,
     FLOAT64,
     INT16,
@@ -26,6 +25,7 @@ from robocomp_py.contract.types import (
     Sequence,
     Struct,
     Type,
+    dtypes,
 )
 from robocomp_py.errors import DecodeError, EncodeError
 from robocomp_py.testing import everything as e
@@ -51,7 +51,7 @@ def record(*kinds: Type) -> Struct:
     return contract
 
 
-NUMBERS = [kind for kind in DTYPES if kind is not BOOL]
+NUMBERS = [kind for kind in dtypes() if kind is not BOOL]
 INNER = record(INT32, FLOAT64)
 KINDS = {
     **{kind.value: record(kind, kind, kind) for kind in NUMBERS},
@@ -81,7 +81,7 @@ def some(kind: Type, dice: random.Random) -> Any:
             return float(np.float32(dice.uniform(-1e6, 1e6)))
         case _ if kind is TIME:
             return dice.randrange(-(10**18), 10**18)
-    information = np.iinfo(DTYPES[kind])  # type: ignore[index]  # an integer, by now
+    information = np.iinfo(dtypes()[kind])  # type: ignore[index]  # an integer, by now
     return dice.randint(int(information.min), int(information.max))
 
 
