@@ -90,7 +90,7 @@ class InprocTransport(BusTransport):
 
     @cached_property
     def codec(self) -> Codec:
-        from ..wire.identity import Identity  # it needs numpy, and whether this transport is there is asked without it
+        from ..wire.identity import Identity  # it needs numpy; whether this transport is there is asked without
 
         return Identity()
 

@@ -43,11 +43,11 @@ PROGRAM = "robocomp_py.cli.rc"
 _NEEDED = (
     *(PROGRAM, "robocomp_py.cli.run"),
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "records", "run", "together")),
-    "robocomp_py.wire.identity",
+    *("robocomp_py.wire.identity", "robocomp_py.wire.messagepack"),
     "numpy.random",
     "subprocess",
 )
-"""What `rc run` and components import."""
+"""What `rc run`, components and the codecs of transports import."""
 
 _MAX = 1 << 18
 """Bytes of a request."""

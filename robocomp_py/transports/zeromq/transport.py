@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,6 @@ from ...wire.codec import Codec
 from ...wire.header import (
     random_id,
 )
-from ...wire.messagepack import MessagePack
 from ..base import (
     ANY_QOS,
     Capability,
@@ -100,7 +99,6 @@ class ZeroMQTransport(DirectoryTransport):
         """By the address of a topic on this host: its address for other hosts."""
         self._told_entries: tuple[Entry, ...] = ()
         self._told_at = 0.0
-        self.codec: Codec = MessagePack()
         self.incarnation = random_id()
         self.owner, self.folder = config.owner, _short_enough(runtime_dir("zeromq"))
         self.served = self.folder / "served"
@@ -256,6 +254,12 @@ class ZeroMQTransport(DirectoryTransport):
     def delist(self, link: ServingLink) -> None:
         for router in self._routers:
             router.remove(link)
+
+    @cached_property
+    def codec(self) -> Codec:
+        from ...wire.messagepack import MessagePack  # it needs numpy, and whether a transport opens is tried without it
+
+        return MessagePack()
 
     @property
     def may_be_known(self) -> bool:

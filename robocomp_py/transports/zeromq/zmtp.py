@@ -18,8 +18,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from ...wire.codec import MAX_BYTES
 from .frames import Frames
 
@@ -145,6 +143,8 @@ class _Connection:
                     self._at = at + size
                     return flags, data[at : at + size]
                 if size > _APART:
+                    import numpy as np  # whose memory is not cleared first
+
                     self._body = np.empty(size, np.uint8).data
                     self._flags, self._filled = flags, len(data) - at
                     self._body[: self._filled] = data[at:]
