@@ -92,6 +92,8 @@ class Report:
     due: int = 0  # when it has something to do next
     settled: bool = False  # whether all its threads wait
     version: int = 0  # another one when its counters are others, or it was restarted
+    # of others that it has made so far: their handlers may have sent something
+    calls: int = 0
     # of messages so far, or of calls in progress, in the order of its counters
     numbers: NumberList = field(default_factory=lambda: np.empty(0, np.int64))
 
@@ -107,6 +109,11 @@ Report.__contract__ = Struct(
             "version",
             INT32,
             doc="another one when its counters are others, or it was restarted",
+        ),
+        Field(
+            "calls",
+            INT64,
+            doc="of others that it has made so far: their handlers may have sent something",  # noqa: E501, RUF100
         ),
         Field(
             "numbers",

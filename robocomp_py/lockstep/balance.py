@@ -30,14 +30,16 @@ class State(NamedTuple):
     """Another one when its counters are others, or the component was restarted."""
     numbers: tuple[int, ...]
     """In the order of its counters."""
+    made: int = 0
+    """Calls of others that it has made so far. Their handlers may have sent something."""
 
     @classmethod
     def of(cls, report: Report) -> State:
-        return cls(report.due, report.settled, report.version, tuple(report.numbers.tolist()))
+        return cls(report.due, report.settled, report.version, tuple(report.numbers.tolist()), report.calls)
 
     def report(self) -> Report:
         """The same, as it travels."""
-        return Report(self.due, self.settled, self.version, np.array(self.numbers, np.int64))
+        return Report(self.due, self.settled, self.version, self.made, np.array(self.numbers, np.int64))
 
 
 @dataclass

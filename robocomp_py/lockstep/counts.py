@@ -42,6 +42,8 @@ class Counts:
         """Increases when a counter is added or dropped. It begins at random: a restarted component has another one."""
         self.calls = 0
         """Number of calls of others for whose end this component waits."""
+        self.made = 0
+        """Number of calls of others that it has made so far."""
         self._numbers: list[int] = []
         self._lock = threading.Lock()
 
@@ -79,6 +81,7 @@ class Counts:
         with self._lock:
             self._numbers[number] += by
             self.calls += by
+            self.made += by > 0
 
     def _add_all(self, port: Port, routes: Sequence[Route]) -> list[int]:
         """Add a counter for each operation of a port."""

@@ -48,6 +48,9 @@ _TELL = 5.0
 _IDLE = 0.05
 """Seconds between two looks at components that have nothing to do at any time."""
 
+_LOOKS = 3
+"""How often all components are looked at because of calls, before the clock goes on: some may never stop calling."""
+
 _UNKNOWN = State(NEVER, True, -1, ())
 """A state from which all others differ, so that a component does not wait for a change."""
 
@@ -130,6 +133,8 @@ class Leader:
         self._now = 0
         self._seats: list[_Seat] = []
         self._balance = Balance({})
+        self._is_outdated = False
+        """Whether a call was made whose handler may have sent something that is not known yet."""
         self._is_level = True
         """Whether nothing was under way when the components were last looked at."""
         self._connections: Connections | None = None
@@ -283,14 +288,13 @@ class Leader:
             if each.state.due <= instant and each in self._seats:
                 before = each.state
                 self._ask(each, partial(each.asked.step, instant))
-                after = each.state
-                if not (after.settled and after.numbers == before.numbers and after.version == before.version):
+                if self._is_outdated or not each.state.settled or each.state[2:] != before[2:]:
                     self._settle()  # otherwise, nothing was sent and nothing was handled
 
     def _settle(self) -> None:
         """Wait until all threads wait, and all that was sent was handled."""
         begun = moved = time.monotonic()
-        told = False
+        told, looks = False, 0
         while not self._closing.is_set():
             if any(each.state.version != each.version for each in self._seats):
                 self._count_anew()
@@ -299,6 +303,11 @@ class Leader:
             concerned = {name for flow in flows for name, _ in flow.concerned}
             busy = [each for each in self._seats if not each.state.settled or each.name in concerned]
             if not busy:
+                if self._is_outdated and looks < _LOOKS:
+                    looks, self._is_outdated = looks + 1, False
+                    self._look(self._seats, _UNKNOWN)
+                    continue
+                self._is_outdated = False
                 ahead = {name for flow in self._balance.ahead(numbers) for name, _ in flow.senders}
                 if ahead and self._look([each for each in self._seats if each.name in ahead], _UNKNOWN):
                     continue  # they had sent more since they were asked
@@ -328,8 +337,10 @@ class Leader:
 
     def _ask(self, seat: _Seat, question: Callable[[], State]) -> None:
         """Take a new report of a component; without an answer, go on without it."""
+        made = seat.state.made
         try:
             seat.state, seat.silent = question(), 0
+            self._is_outdated |= seat.state.made != made
         except Timeout as exc:
             seat.silent += 1
             if seat.silent >= _SILENT:

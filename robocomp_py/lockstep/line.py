@@ -27,7 +27,7 @@ log = logging.getLogger("robocomp.clock")
 STEP, LOOK = 0, 1
 QUESTION = struct.Struct("<IBq")
 ANSWER = struct.Struct("<I")
-_STATE = struct.Struct("<q?i")
+_STATE = struct.Struct("<q?iq")
 _CREDENTIALS = struct.Struct("3i")
 MOST = 1 << 16
 """Octets of a message: enough for thousands of counters. A longer one ends the line."""
@@ -125,10 +125,10 @@ def _timeval(seconds: float) -> bytes:
 
 def pack_state(state: State) -> bytes:
     numbers = state.numbers
-    return _STATE.pack(state.due, state.settled, state.version) + struct.pack(f"<{len(numbers)}q", *numbers)
+    return _STATE.pack(state.due, state.settled, state.version, state.made) + struct.pack(f"<{len(numbers)}q", *numbers)
 
 
 def unpack_state(octets: bytes, at: int) -> State:
-    due, settled, version = _STATE.unpack_from(octets, at)
+    due, settled, version, made = _STATE.unpack_from(octets, at)
     at += _STATE.size
-    return State(due, settled, version, struct.unpack_from(f"<{(len(octets) - at) // 8}q", octets, at))
+    return State(due, settled, version, struct.unpack_from(f"<{(len(octets) - at) // 8}q", octets, at), made)

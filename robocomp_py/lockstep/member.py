@@ -163,7 +163,7 @@ class Member:
             if not is_busy and (not counts.calls or elapsed - quiet > _CALL):
                 woken = clock.proceed(now)
                 if woken is False:
-                    return State(clock.due, True, counts.version, counts.numbers())
+                    return State(clock.due, True, counts.version, counts.numbers(), counts.made)
                 is_busy = woken is None
             else:
                 clock.set(now)
@@ -201,9 +201,9 @@ class Member:
 
     def _state(self) -> State:
         if self._is_over():  # its threads end; those that wait follow the machine
-            return State(NEVER, True, self.counts.version, self.counts.numbers())
+            return State(NEVER, True, self.counts.version, self.counts.numbers(), self.counts.made)
         is_settled = self._is_settled  # first: what begins after it is counted below
-        return State(self.clock.due, is_settled, self.counts.version, self.counts.numbers())
+        return State(self.clock.due, is_settled, self.counts.version, self.counts.numbers(), self.counts.made)
 
     def _is_free(self) -> bool:
         return not self._is_ready or self._is_over()

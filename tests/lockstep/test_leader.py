@@ -30,6 +30,8 @@ class Follower:
         self._counters = counters
         self.told = 0, [0] * len(counters)
         """The version of its counters, and their numbers."""
+        self.calls = 0
+        """Number of calls of others that it has made."""
         self.steps: list[int] = []
         self.error: TransportError | None = None
         self.closed = 0
@@ -54,7 +56,7 @@ class Follower:
         due = (self.steps[-1] // SECOND + 1) * SECOND
         with AT_ONCE:
             version, numbers = self.told
-        return Report(due, True, version, np.array(numbers, np.int64))
+        return Report(due, True, version, self.calls, np.array(numbers, np.int64))
 
 
 class Connections:
@@ -162,6 +164,36 @@ def test_messages_that_were_sent_after_the_sender_was_asked_are_not_lost(caplog:
     with leader(followers):
         wait_until(lambda: len(followers["/b"].steps) > 5)
     assert "lost" not in caplog.text
+
+
+def test_what_a_handler_sends_during_a_call_is_handled_before_the_next_one_computes() -> None:
+    """`a` calls `b`, whose handler publishes to `c`, which handles messages only while it is looked at."""
+    topic = "b/LaserPub/push"
+    serving = Follower([Counter(Way.Publishes, [topic])])
+    behind: list[int] = []
+    """Number of messages that `c` had not handled, each time that it computed."""
+
+    class Calling(Follower):
+        def step(self, now: int, *, deadline: float) -> Report:
+            self.calls += 1
+            with AT_ONCE:
+                serving.told = 0, [self.calls]
+            return super().step(now, deadline=deadline)
+
+    class Hearing(Follower):
+        def step(self, now: int, *, deadline: float) -> Report:
+            behind.append(serving.told[1][0] - self.told[1][0])
+            self.steps.append(now)
+            return super().look(Report(), deadline=deadline)
+
+        def look(self, last: Report, *, deadline: float) -> Report:
+            with AT_ONCE:
+                self.told = serving.told
+            return super().look(last, deadline=deadline)
+
+    with leader({"/a": Calling([]), "/c": Hearing([Counter(Way.Hears, [topic])]), "/b": serving}):
+        wait_until(lambda: len(behind) > 5)
+    assert behind[1:6] == [0, 0, 0, 0, 0], "the first one is asked before any message counts"
 
 
 def test_a_follower_that_was_restarted_at_once_has_lost_no_message(caplog: pytest.LogCaptureFixture) -> None:
