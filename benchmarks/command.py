@@ -18,6 +18,7 @@
   record     `rc record`: processor, memory and lost messages at 180 MB/s
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
+  pictures   a picture of a simulated camera, with its depth
   scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
@@ -55,6 +56,7 @@ from . import (
     lsp,
     machine,
     memory,
+    pictures,
     placement,
     publish,
     query,
@@ -250,6 +252,11 @@ def _virtual(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [virtual.table(rows)], virtual.findings(rows))
 
 
+def _pictures(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = pictures.run(effort, tell)
+    return Found(rows, [pictures.table(rows)], pictures.findings(rows))
+
+
 def _lockstep(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(lockstep.run, options.only, effort)
     return Found(rows, [lockstep.table(rows)], lockstep.findings(rows), failures)
@@ -294,6 +301,7 @@ MEASUREMENTS: dict[str, Run] = {
     "record": _record,
     "virtual": _virtual,
     "lockstep": _lockstep,
+    "pictures": _pictures,
     "scale": _scale,
     "languages": _languages,
     "lsp": _lsp,

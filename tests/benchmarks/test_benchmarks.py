@@ -143,6 +143,13 @@ def test_loaned_messages_arrive(tmp_path: Path) -> None:
 
 
 @LONG
+def test_pictures_are_measured(tmp_path: Path) -> None:
+    _, found = run(tmp_path, "--what", "pictures", "--rounds", "1")
+    assert [row["scene"] for row in found["pictures"]] == ["plain", "textured"]
+    assert all(row["ours"] > 0 and row["bare"] > 0 for row in found["pictures"])
+
+
+@LONG
 def test_other_frameworks_have_figures_or_are_said_to_be_missing(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "peers", "--path", "zeromq", "--sizes", "64")
     ours, *others = found["peers"]
