@@ -32,6 +32,12 @@ def carry(old: Scene, before: mujoco.MjData, new: Scene, after: mujoco.MjData) -
         found = mujoco.mj_name2id(old.model, mujoco.mjtObj.mjOBJ_ACTUATOR, new.model.actuator(number).name)
         if found >= 0:
             after.ctrl[number] = before.ctrl[found]
+    for number in range(new.model.neq):
+        name = new.model.equality(number).name
+        found = mujoco.mj_name2id(old.model, mujoco.mjtObj.mjOBJ_EQUALITY, name)
+        if found >= 0:
+            after.eq_active[number] = before.eq_active[found]
+            new.model.eq_data[number] = old.model.eq_data[found]
 
 
 def fingerprint(tree: Tree) -> bytes:

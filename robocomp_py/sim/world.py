@@ -226,6 +226,9 @@ class World:
         self._noise = noise
         self._shown = {name: pixels for name, pixels in before._shown.items() if name in self._displays}
         self._inertias = {name: before._inertias.get(name, Inertia()) for name in self._imus}
+        grippers = self._scene.grippers
+        held = {name: body for name, body in before._held.items() if name in grippers and body in grippers[name].welds}
+        self._held = held
         self._held = {}
         for name, body in before._held.items():
             if name in self._scene.grippers and body in self._scene.grippers[name].welds:

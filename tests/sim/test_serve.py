@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -63,7 +64,7 @@ def call(house: ComponentTest, name: str, interface: str, operation: str, *argum
 def test_every_device_is_an_instance(house: ComponentTest) -> None:
     worker = house.worker
     assert list(worker.laser) == list(worker.laserpub) == ["front", "still"]
-    assert list(worker.differentialrobot) == ["base"]
+    assert list(worker.differentialrobot) == ["base", "chair"]
     assert list(worker.omnirobot) == ["chair"]
 
 
@@ -167,9 +168,8 @@ def test_records_are_filled_as_lists_are(scene: Path) -> None:
         """
     )
     cdsl = folder / "house" / "house.cdsl"
-    cdsl.write_text(
-        cdsl.read_text().replace('import "LaserPub.idsl";', "").replace(", LaserPub each qos(sensor_data)", "")
-    )
+    text = cdsl.read_text().replace('import "LaserPub.idsl";', "")
+    cdsl.write_text(re.sub(r"LaserPub each qos\(sensor_data\),", "", text))
 
     assert rcgen([str(cdsl)]) == 0
     with ComponentTest(load_component(folder / "house"), virtual=True) as house:
@@ -184,9 +184,15 @@ def test_records_are_filled_as_lists_are(scene: Path) -> None:
 def test_offers_are_printed(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["sim", "offers", str(scene), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {
-        "base": ["DifferentialRobot", "DifferentialRobotPub"],
+        "base": ["DifferentialRobot", "DifferentialRobotPub", "FullPoseEstimation", "FullPoseEstimationPub"],
         "front": ["Laser", "LaserPub"],
-        "chair": ["OmniRobot"],
+        "chair": [
+            "OmniRobot",
+            "DifferentialRobot",
+            "DifferentialRobotPub",
+            "FullPoseEstimation",
+            "FullPoseEstimationPub",
+        ],
         "still": ["Laser", "LaserPub"],
     }
 

@@ -8,10 +8,14 @@ from ...innermodel.read import InnerModelError
 from ...innermodel.tree import Tree
 from ...wire.names import is_segment
 
+_TRUTH = ("FullPoseEstimation", "FullPoseEstimationPub")
+
 INTERFACES = {
     "laser": ("Laser", "LaserPub"),
-    "differentialrobot": ("DifferentialRobot", "DifferentialRobotPub"),
-    "omnirobot": ("OmniRobot",),
+    "differentialrobot": ("DifferentialRobot", "DifferentialRobotPub", *_TRUTH),
+    "omnirobot": ("OmniRobot", "DifferentialRobot", "DifferentialRobotPub", *_TRUTH),
+    "imu": ("IMU", "IMUPub"),
+    "touchsensor": ("TouchSensor",),
     "rgbd": ("RGBD", "CameraRGBDSimple", "CameraRGBDSimplePub", "CameraSimple", "CameraSimplePub"),
     "camera": ("CameraSimple", "CameraSimplePub"),
     "display": ("Display",),

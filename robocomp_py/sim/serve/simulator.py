@@ -29,6 +29,7 @@ from .manager import Managed
 from .motors import JointMotorHandler, states
 from .offers import carried_by, motors, names_of, offers
 from .pace import Pace
+from .sensors import FullPoseEstimationHandler, IMUHandler, TouchSensorHandler, measured, posed
 from .values import filled, operation
 
 try:
@@ -171,6 +172,12 @@ class Simulator(Controlled, Managed):
                 return DifferentialRobotHandler(self.world, name, interface)
             case "OmniRobot":
                 return OmniRobotHandler(self.world, name, interface)
+            case "IMU":
+                return IMUHandler(self.world, name, interface)
+            case "TouchSensor":
+                return TouchSensorHandler(self.world, name, interface)
+            case "FullPoseEstimation":
+                return FullPoseEstimationHandler(self.world, name, interface)
             case "CameraSimple":
                 return CameraSimpleHandler(self._camera(name), interface)
             case "CameraRGBDSimple":
@@ -192,6 +199,12 @@ class Simulator(Controlled, Managed):
             case "DifferentialRobotPub":
                 made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
                 return lambda: proxy.pushBaseState(made(state(self.world, name)))
+            case "IMUPub":
+                imu = operation(port.interface, "publish").inputs[0].type
+                return lambda: proxy.publish(measured(self.world, name, imu))
+            case "FullPoseEstimationPub":
+                pose = operation(port.interface, "newFullPose").inputs[0].type
+                return lambda: proxy.newFullPose(posed(self.world, name, pose))
             case "CameraSimplePub" | "CameraRGBDSimplePub":
                 return CameraPublication(self._camera(name), port, proxy)
             case "JointMotorPub":
