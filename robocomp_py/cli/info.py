@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from .common import FINE
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import EXIT_STATUS, TOPIC, add_json, add_middleware, add_waiting, awaited, reported
 
 if TYPE_CHECKING:
@@ -38,17 +39,18 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("name", metavar="NAME", help=TOPIC), What.CHANNEL)
     add_waiting(to)
+    add_hosts(to)
     add_middleware(to)
     add_json(to)
 
 
 def run(options: argparse.Namespace) -> int:
-    with reported("rc info") as code:
+    with reported("rc info") as code, hosts_of(options) as hosts:
 
         def pick(network: Network) -> list[Channel]:
             return network.named(options.name)
 
-        found = awaited(options, pick)
+        found = awaited(options, pick, hosts)
         if options.json:
             for each in found:
                 print(json.dumps(_told(each)))
@@ -69,6 +71,7 @@ def _told(channel: Channel) -> dict[str, object]:
                 "role": end.role,
                 "component": end.told.owner,
                 "process": end.told.pid,
+                "host": end.host,
                 "middleware": end.middleware,
                 "fingerprint": f"{end.told.fingerprint:016x}",
                 "qos": end.told.traits,
@@ -108,7 +111,8 @@ def end_line(end: End) -> str:
     from ..contract.qos import History, from_traits
 
     told = end.told
-    line = f"{told.owner or '?'} (process {told.pid}) over {end.middleware}"
+    where = f" on {end.host}" if end.host else ""
+    line = f"{told.owner or '?'} (process {told.pid}{where}) over {end.middleware}"
     if end.role not in ("publishes", "subscribes") or not told.traits:
         return line
     qos = from_traits(told.traits)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from .common import FINE
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import COMPONENT, EXIT_STATUS, Absent, add_middleware, add_waiting, awaited, components_named, reported
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("level", choices=LEVELS, metavar="LEVEL", help=", ".join(LEVELS))
     to.add_argument("--logger", default="", metavar="NAME", help="only this logger (default: all)")
     add_waiting(to)
+    add_hosts(to)
     add_middleware(to)
 
 
@@ -49,8 +51,8 @@ def run(options: argparse.Namespace) -> int:
         except Absent as exc:
             raise ValueError(str(exc)) from exc
 
-    with reported("rc log") as code, Access() as access:
-        network, names = awaited(options, pick)
+    with reported("rc log") as code, hosts_of(options) as hosts, Access() as access:
+        network, names = awaited(options, pick, hosts)
         if len(names) > 1:
             raise Absent(f"there are several: {', '.join(names)}; write more of the name")
         asking.set_log_level(access, network, names[0], options.logger, options.level, options.timeout)

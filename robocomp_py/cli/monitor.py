@@ -99,7 +99,7 @@ def _network(options: argparse.Namespace) -> str:
 def _control(network: str) -> Callable[[str, str], None]:
     """What does something to a process of this network. Raises RobocompError."""
     from ..deploy.client import Connection
-    from ..tools.asking import printable
+    from ..printable import printable
 
     def control(do: str, process: str) -> None:
         print(f"rc monitor: {do} of {printable(process)} was requested from the page", file=sys.stderr)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, print_table
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import (
     COMPONENT,
     EXIT_STATUS,
@@ -61,6 +62,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         named = made.add_argument("component", nargs=component, metavar="COMPONENT", help=COMPONENT)
         completed(named, What.COMPONENT)
         add_waiting(made)
+        add_hosts(made)
         add_middleware(made)
         return made
 
@@ -115,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
         "load": _load,
     }
     wanted = [options.component] if isinstance(options.component, str) else options.component
-    with reported(f"rc param {options.does}") as code, Access() as access:
+    with reported(f"rc param {options.does}") as code, hosts_of(options) as hosts, Access() as access:
 
         def pick(network: Network) -> tuple[Network, list[str]]:
             try:
@@ -123,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
             except Absent as exc:
                 raise ValueError(str(exc)) from exc
 
-        network, names = awaited(options, pick)
+        network, names = awaited(options, pick, hosts)
         try:
             return does[options.does](_At(access, network, names, options.timeout), options)
         except ValueError as exc:

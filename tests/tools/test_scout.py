@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import logging
 import os
 import queue
 import threading
@@ -28,10 +29,11 @@ from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 
-from ..runtime.components import Calculator
+from ..runtime.components import Calculator, Tuned
 from ..runtime.test_run import make, running
 from . import elsewhere
 from .test_commands import Talker, complained, said
+from .test_top import Asking
 
 NOWHERE = Post("nowhere", lambda: Direct())
 
@@ -312,3 +314,34 @@ def test_components_of_another_host_are_measured(capsys: pytest.CaptureFixture[s
         heads, row, *_ = said(capsys, "top", "--once", *THERE).splitlines()
         assert heads.split()[:3] == ["component", "host", "state"]
         assert row.split()[:3] == ["sums", "base", "compute"]
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_the_contract_of_another_host_is_shown_and_its_log_is_set(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        assert "served by sums (process" in (shown := said(capsys, "info", "sums/Everything/divide", *THERE))
+        assert " on base) over shm" in shown
+        said(capsys, "log", "sums", "error", "--logger", "robocomp.of.another.host", *THERE)
+        assert logging.getLogger("robocomp.of.another.host").level == logging.ERROR
+
+
+def test_parameters_of_another_host_are_changed(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with (
+        elsewhere.network("base"),
+        running(make(Tuned, find_transport, "middleware=shm", "params.device=here")) as tuned,
+    ):
+        said(capsys, "param", "set", "tuned", "max_speed=1.5", *THERE)
+        assert tuned.params.max_speed == 1.5
+        assert "1.5" in said(capsys, "param", "get", "tuned", "max_speed", *THERE)
+        assert "allowed" in complained(capsys, "param", "set", "tuned", "max_speed=1000", *THERE)
+
+
+def test_calls_of_another_host_are_printed(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    over = ("middleware=shm", "namespace=desk")
+    with (
+        elsewhere.network("base"),
+        running(make(Calculator, find_transport, *over)),
+        running(make(Asking, find_transport, *over, name="pupil")),
+    ):
+        told = json.loads(said(capsys, "echo", "--calls", "divide", *THERE, "-n", "1", "--json"))
+        assert told["caller"] == "desk/pupil"
