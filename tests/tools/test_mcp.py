@@ -160,6 +160,8 @@ def test_an_agent_calls_what_the_network_allows(agent: Agent, network: dict[str,
         ("read_topic", {"topic": "news", "count": 1000}, "a whole number from 1 to 20"),
         ("read_parameters", {"component": "calculator"}, "unknown component `calculator`"),
         ("list_channels", {"kind": "topics"}, "did you mean `topic`"),
+        ("list_channels", {"kind": ["topic"]}, "unknown kind"),
+        ("call", {"operation": "work", "arguments": ["x"]}, "it takes"),
         ("shell", {"command": "ls"}, "unknown tool `shell`"),
     ],
 )

@@ -129,10 +129,10 @@ class Requests:
         return {"network": self._permissions.network, "components": found, "may_be_called": list(self.allowed)}
 
     def _list_channels(self, arguments: Mapping[str, Any]) -> Any:
-        kind, part = arguments.get("kind", ""), str(arguments.get("contains", ""))
+        kind, part = str(arguments.get("kind", "")), str(arguments.get("contains", ""))
         kinds = {"topic": Pattern.PUBLISH, "query": Pattern.QUERY, "command": Pattern.COMMAND}
         if kind and kind not in kinds:
-            raise Refused(unknown("kind", str(kind), kinds))
+            raise Refused(unknown("kind", kind, kinds))
         _, channels = self._network()
         return [
             {
