@@ -210,6 +210,33 @@ def test_an_arm_that_is_too_weak_is_held_back(tmp_path: Path) -> None:
     assert 0.2 < hall.position("arm") < 0.35
 
 
+def test_an_arm_touches_the_table_that_it_is_mounted_on_with_its_hand_only(tmp_path: Path) -> None:
+    text = """<innerModel><plane id="table" size="2000,100,2000" py="-50"/>
+    <joint id="turret" axis="y"><plane id="foot" size="100,200,100"/>
+      <joint id="shoulder" ty="300" axis="x"><plane id="link" size="40,40,600" pz="300"/></joint>
+    </joint></innerModel>"""
+    hall = world(tmp_path, text, parameters={"shoulder": {"force": 20.0}})
+    hall.move_joint("turret", 1.0, 1.0)
+    hall.step(240)
+    assert hall.position("turret") == pytest.approx(1.0, abs=0.006)
+    hall.move_joint("shoulder", 1.5, 1.0)
+    hall.step(400)
+    assert hall.position("shoulder") == pytest.approx(math.asin(300 / 600), abs=0.05)
+    assert ("link", "table") in hall.touching()
+
+
+def test_robots_touch_each_other(tmp_path: Path) -> None:
+    bases = "".join(
+        f'<omnirobot id="{name}" tz="{z}"><plane id="{name}body" size="300,300,300" py="150"/></omnirobot>'
+        for name, z in (("one", 0), ("two", 1000))
+    )
+    hall = world(tmp_path, f'<innerModel><plane id="floor" size="9000,10,9000"/>{bases}</innerModel>', hold=0)
+    hall.drive("one", ahead=500)
+    hall.step(600)
+    assert hall.matrix("two", "one")[2, 3] == pytest.approx(300, abs=5)
+    assert hall.odometry("two").z > 1010  # pushed, although it brakes
+
+
 # On and off.
 
 
