@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from robocomp_py.cli.rc import main as rc
@@ -103,6 +105,39 @@ def test_physics_is_switched(house: ComponentTest) -> None:
     assert not house.call("Simulation.now").physics
 
 
+def test_a_state_is_kept_and_gone_on_from(house: ComponentTest) -> None:
+    house.call("Simulation.pause")
+    drive(house, 300.0)
+    house.call("Simulation.step", 20)
+    token, digests = house.call("Simulation.save"), set()
+    for _ in range(3):
+        house.call("Simulation.restore", token)
+        house.call("Simulation.step", 50)
+        digests.add(house.worker.world.digest())
+    assert len(digests) == 1
+    assert house.call("Simulation.now").tick == pytest.approx(house.worker.world.ticks)
+    for _ in range(16):
+        house.call("Simulation.save")
+    assert "the last 16 are kept" in refusal(house, "restore", token)
+
+
+def test_plans_are_tried_in_copies(house: ComponentTest) -> None:
+    house.call("Simulation.pause")
+    house.call("Simulation.setNoise", "base", 0.0)
+    package = type(house.worker).__module__.rpartition(".")[0]
+    kinds = importlib.import_module(f"{package}.generic.RoboCompSimulation")
+    plans = [[kinds.Command(0.0, "base", np.array([speed, 0.0, 0.0]))] for speed in (100.0, 200.0)]
+    before = house.worker.world.digest()
+    slow, fast = house.call("Simulation.evaluate", plans, 0.5, [])
+    assert house.worker.world.digest() == before
+    assert [each.poses[0].z for each in (slow, fast)] == pytest.approx([50, 100])
+    assert (slow.poses[0].id, slow.failed) == ("base", "")
+    assert "unknown base, joint or gripper `bass`" in refusal(
+        house, "evaluate", [[kinds.Command(0.0, "bass", np.array([1.0]))]], 0.5, []
+    )
+    assert "at most 64" in refusal(house, "evaluate", plans * 40, 1.0, [])
+
+
 def test_noise_is_set(house: ComponentTest) -> None:
     house.call("Simulation.setNoise", "base", 0.0)
     drive(house, 100.0)
@@ -148,6 +183,9 @@ def test_what_has_moved_is_published(house: ComponentTest) -> None:
         ("reset", (-1,), "a seed of -1: it is 0 or more"),
         ("setNoise", ("bass", 1.0), "did you mean `base`?"),
         ("setNoise", ("base", math.inf), "inf is no standard deviation"),
+        ("attach", ("hand",), "unknown gripper `hand`"),
+        ("detach", ("hand",), "unknown gripper `hand`"),
+        ("restore", (99,), "there is no saved state 99"),
         ("poses", (["base", "pann"],), "unknown node `pann`; did you mean `pan`?"),
     ],
 )

@@ -6,8 +6,10 @@ import logging
 import time
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...contract.component import Port
-from ...contract.types import Sequence
+from ...contract.types import Sequence, Struct
 from ...errors import RobocompError
 from ...innermodel import axes
 from ...innermodel.axes import Array
@@ -18,12 +20,19 @@ from .pace import Pace
 from .values import declared, filled, operation
 
 if TYPE_CHECKING:
-    from ..world import World
+    from ..plans import Outcome
+    from ..world import Saved, World
 
 log = logging.getLogger("robocomp.sim")
 
 _MOST_TICKS = 20_000
 """Of one call of `step`."""
+
+_MOST_SAVED = 16
+"""States that are kept."""
+
+_MOST_PLANS, _MOST_PLANNED = 64, 600.0
+"""Of one call of `evaluate`: plans, and the sum of their times in s."""
 
 _BUSY = 0.8
 """The part of a period for which a scene goes on that is as fast as possible. Handlers run in the rest."""
@@ -37,6 +46,9 @@ class Controlled(Worker[Any]):
 
     world: World
     _pace: Pace
+    _token = 0
+    _saved: dict[int, Saved]
+    """Saved states by their tokens, oldest first."""
 
     def follow(self) -> None:
         """Go on to the present time, at the speed that was set."""
@@ -121,6 +133,77 @@ class Controlled(Worker[Any]):
         except InnerModelError as exc:
             raise self._refusal("poses", str(exc)) from exc
         return [filled(kind.item, pose(name, matrix)) for name, matrix in matrices.items()]
+
+    def Simulation_contacts(self) -> Any:
+        """What touches while physics is on."""
+        kind = self._result("contacts")
+        assert isinstance(kind, Sequence)
+        found, time = self.world.contacts(), self.world.time
+        values = [{"one": each.one, "other": each.other, "force": each.force, "time": time} for each in found]
+        return [filled(kind.item, each) for each in values]
+
+    def Simulation_attach(self, gripper: str) -> str:
+        """Switch a suction cup or magnet on; returns the body that it holds, or ""."""
+        try:
+            return self.world.grip(gripper)
+        except InnerModelError as exc:
+            raise self._refusal("attach", str(exc)) from exc
+
+    def Simulation_detach(self, gripper: str) -> None:
+        """Switch a suction cup or magnet off."""
+        try:
+            self.world.release(gripper)
+        except InnerModelError as exc:
+            raise self._refusal("detach", str(exc)) from exc
+
+    def Simulation_save(self) -> int:
+        """Keep the state of now; returns a token for it."""
+        self.settle()
+        token = self._token = self._token + 1
+        self._saved[token] = self.world.save()
+        while len(self._saved) > _MOST_SAVED:
+            del self._saved[next(iter(self._saved))]
+        return token
+
+    def Simulation_restore(self, token: int) -> None:
+        """Go on from a kept state."""
+        self.settle()
+        if token not in self._saved:
+            raise self._refusal("restore", f"there is no saved state {token}: the last {_MOST_SAVED} are kept")
+        try:
+            self.world.restore(self._saved[token])
+        except ValueError as exc:
+            text = f"{exc}: edits that add, remove or move nodes make states of before unusable"
+            raise self._refusal("restore", text) from exc
+
+    def Simulation_evaluate(self, plans: Any, horizon: float, watched: Any) -> Any:
+        """Try plans in copies of the scene."""
+        from ..plans import Command, evaluate  # few simulations need it
+
+        if len(plans) > _MOST_PLANS or len(plans) * horizon > _MOST_PLANNED:
+            text = f"{len(plans)} plans of {horizon:g} s: at most {_MOST_PLANS}, and {_MOST_PLANNED:g} s together"
+            raise self._refusal("evaluate", text)
+        self.settle()
+        told = [[Command(each.at, each.node, tuple(map(float, each.values))) for each in plan] for plan in plans]
+        try:
+            found = evaluate(self.world, told, horizon, watched=[(pair.one, pair.other) for pair in watched])
+        except (InnerModelError, ValueError) as exc:
+            raise self._refusal("evaluate", str(exc)) from exc
+        return [self._outcome(each) for each in found]
+
+    def _outcome(self, outcome: Outcome) -> Any:
+        kind = self._result("evaluate")
+        assert isinstance(kind, Sequence)
+        assert isinstance(kind.item, Struct)
+        items = {each.name: each.type.item for each in kind.item.fields if isinstance(each.type, Sequence)}
+        touched = [{"one": each.one, "other": each.other, "time": each.time} for each in outcome.contacts]
+        values = {
+            "poses": [filled(items["poses"], pose(name, each[-1])) for name, each in outcome.poses.items()],
+            "contacts": [filled(items["contacts"], each) for each in touched],
+            "distances": np.array(outcome.distances),
+            "failed": outcome.failed,
+        }
+        return filled(kind.item, values)
 
     def _result(self, name: str) -> Any:
         return operation(self._simulation().interface, name).outputs[0].type

@@ -89,7 +89,7 @@ class Simulator(Controlled, Managed):
             without_meshes=self.params.without_meshes,
             suspended=self._suspended if isinstance(self._clock, Real) else None,
         )
-        self._editing = Editing(self.world)
+        self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
         """By the port, and the name of the instance."""
         self._provide()
