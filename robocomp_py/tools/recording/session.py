@@ -90,11 +90,10 @@ class Session:
         if begun < self._next:
             return
         network = self._census()
+        self._next = begun + max(_LOOK, 10 * (time.monotonic() - begun))  # what follows is done once for each topic
         for channel in chosen(network, self._wanted):
             self._follow(channel)
         self._also(network)
-        took = time.monotonic() - begun
-        self._next = begun + max(_LOOK, 10 * took)
 
     def _follow(self, channel: Channel) -> None:
         try:

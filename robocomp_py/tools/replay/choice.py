@@ -79,8 +79,10 @@ def parts_of(recording: Recording, only: Sequence[str], remaps: Iterable[Remap])
             continue
         if topic.operation is None:
             left_out[name] = topic.problem
-        elif topic.called is not None or name == LOGS:
-            left_out[name] = "calls and log records are not sent again; --answer serves queries"
+        elif topic.called is not None:
+            left_out[name] = "calls are not made again; --answer serves queries"
+        elif name == LOGS:
+            left_out[name] = "log records are not sent again"
         elif topic.pattern is Pattern.QUERY:
             left_out[name] = "queries are not replayed"
         elif topic.pattern is Pattern.COMMAND and not only:

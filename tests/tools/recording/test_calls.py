@@ -103,7 +103,9 @@ def test_a_recording_of_calls_is_described_drawn_and_not_sent_again(
     assert json.loads(told) == {"topic": CALLS, "messages": 2, "p50_s": 0.25, "p99_s": 0.75, "longest_s": 0.75}
     told = said(capsys, "plot", run, "calls.info.took", "-o", tmp_path / "line.svg")
     assert "calls info.took: 2 values, 0.25 to 0.75, mean 0.5" in told
-    assert f"{CALLS} is left out: calls and log records are not sent again" in complained(capsys, "replay", run)
+    told = complained(capsys, "replay", run)
+    assert f"{CALLS} is left out: calls are not made again; --answer serves queries" in told
+    assert f"{LOGS} is left out: log records are not sent again" in told
 
 
 @pytest.fixture(params=["shm", "zeromq"])
