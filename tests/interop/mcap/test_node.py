@@ -20,7 +20,7 @@ from robocomp_py.contract.types import FLOAT32, Dictionary, Field, Primitive, Se
 from robocomp_py.tools.recording.bag import Options
 from robocomp_py.tools.recording.mend import mend
 from tests.interop.zeromq.test_node import run
-from tests.tools.recording.recorded import recorded
+from tests.tools.recording.recorded import calls_and_logs, recorded
 from tests.tools.recording.test_recorder import filled
 from tests.wire.messages import messages, patiently
 from tests.wire.schemas import expected
@@ -69,6 +69,15 @@ def test_any_recorded_message_is_read(
         found = read(file)
     wanted = plain(message.fields, expected(message.fields, values))
     assert found == [["/any/Source/told", ["1000000000", "999999990", 1], wanted]]
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize("schema", ["ros2msg", "omgidl"])
+def test_calls_and_log_records_are_read(schema: str, read: Read, tmp_path: Path) -> None:
+    (file,) = calls_and_logs(tmp_path / "run", Options(schema=schema)).glob("*.mcap")
+    fine, failed, log = [each[2] for each in read(file)]
+    assert (fine[1], fine[2], failed[2]) == ([[7, 2]], [[3, 1]], [])
+    assert log[1:] == [30, "desk/arm.driver", "hot", "arm.py", "", 3]
 
 
 @pytest.mark.tool

@@ -13,23 +13,20 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from robocomp_py.contract.interface import Pattern
-from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.recording.bag import Options
-from robocomp_py.tools.recording.calls import calls_topic, info_octets, joined, log_octets, logs_topic
 from robocomp_py.tools.recording.reader import Recording, values_by_topic
 from robocomp_py.tools.recording.session import Session
 from robocomp_py.tools.recording.tellers import Tellers
 from robocomp_py.tools.recording.writer import Recorder
 from robocomp_py.transports.base import find_transport
-from robocomp_py.wire.cdr import Cdr
 
 from ...runtime.components import Calculator
 from ...runtime.test_run import make, running
 from ...runtime.test_telling import Asking
+from .recorded import calls_and_logs
 from .test_commands import complained, said
 
 CALLS, LOGS = "calculator/Everything/divide/calls", "rosout"
@@ -45,29 +42,7 @@ class Chatty(Asking):
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """A recording of a call that was answered, one that failed, and a log record."""
-    encode = Cdr().encoder
-    clock = iter(range(10**9, 10**12, 10**9))
-    with Recorder(tmp_path / "run", Options(), now=lambda: next(clock)) as recorder:
-        calls = recorder.track(
-            calls_topic("calculator/Everything/divide", e.divide, Pattern.QUERY, "calculator", "shm"), joined(e.divide)
-        )
-        request, response = encode(e.divide.request)((7, 2)), encode(e.divide.response)((3, 1))
-        calls.put([info_octets("pupil", "shm", 10**9, 0.25, "ok", ""), request, response])
-        calls.put([info_octets("pupil", "shm", 2 * 10**9, 0.75, "timeout", "no answer"), request, b""])
-        logs = recorder.track(logs_topic())
-        record = {
-            "at": 5,
-            "level": "WARNING",
-            "logger": "driver",
-            "text": "hot",
-            "file": "arm.py",
-            "line": 3,
-            "trace": "",
-        }
-        logs.put(log_octets("desk/arm", record), 5)
-    assert recorder.error is None
-    return tmp_path / "run"
+    return calls_and_logs(tmp_path / "run", Options())
 
 
 def test_calls_and_log_records_are_read_by_ros(run: Path) -> None:
