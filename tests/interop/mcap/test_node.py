@@ -76,7 +76,7 @@ def test_any_recorded_message_is_read(
 def test_calls_and_log_records_are_read(schema: str, read: Read, tmp_path: Path) -> None:
     (file,) = calls_and_logs(tmp_path / "run", Options(schema=schema)).glob("*.mcap")
     fine, failed, log = [each[2] for each in read(file)]
-    assert (fine[1], fine[2], failed[2]) == ([[7, 2]], [[3, 1]], [])
+    assert (fine[1], fine[2], failed[2]) == ([["7", "2"]], [["3", "1"]], [])
     assert log[1:] == [30, "desk/arm.driver", "hot", "arm.py", "", 3]
 
 
