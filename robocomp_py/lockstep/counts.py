@@ -108,6 +108,11 @@ class CountedProxy:
         loans: Loans = self._bound.loans
         return loans
 
+    @property
+    def has_subscribers(self) -> bool:
+        told: bool = self._bound.has_subscribers
+        return told
+
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         counts = self._counts
         counts.add_call(self._number, 1)

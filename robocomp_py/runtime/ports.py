@@ -124,7 +124,7 @@ def wrap(proxy: Proxy, wrapper: Callable[[Any], W]) -> dict[str, W]:
 
 def has_subscribers(proxy: Proxy) -> bool:
     """Whether a publication by a proxy may reach a subscriber. Fast enough to be asked before each message is made."""
-    return any(each.has_subscribers for each in proxy._bound.values() if not isinstance(each, BoundQuery))
+    return any(getattr(each, "has_subscribers", False) for each in proxy._bound.values())
 
 
 class Answer(Future[R]):

@@ -10,6 +10,7 @@ from robocomp_py.contract.qos import PRESETS
 from robocomp_py.errors import Unreachable
 from robocomp_py.runtime.clock import SECOND
 from robocomp_py.runtime.instances import NamedHandlers, NamedProxies
+from robocomp_py.runtime.ports import has_subscribers
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.instances import NEWS, TELLER, NewsPublisher, TellerHandler, TellerProxy
 from robocomp_py.testing.patience import wait_until
@@ -55,6 +56,7 @@ class Ring(Worker[None]):
     def __init__(self) -> None:
         self.turn = 0
         self.callers: set[str] = set()
+        self.has_had_subscribers = False
 
     def initialize(self) -> None:
         for name in ("front", "back"):
@@ -63,6 +65,7 @@ class Ring(Worker[None]):
 
     def compute(self) -> None:
         for number, proxy in enumerate(self.news.values()):
+            self.has_had_subscribers |= has_subscribers(proxy)
             proxy.push(10 * self.turn + number)
         self.turn += 1
         if self.turn == 3:
@@ -152,6 +155,7 @@ def test_in_lockstep_named_instances_are_heard_and_asked_at_their_instants(middl
     assert guest.story[:2] == in_virtual_time()[:2]
     assert {each for each in guest.publishers if each[0]} == {("front", 0), ("back", 1)}
     assert ring.callers - {""} == {"guest"}
+    assert ring.has_had_subscribers
     for turn, (at, front, _, heard) in story:
         assert (at, front, heard[0]) == (100 * turn, "front here", 10 * turn)
         assert heard[1:] in ([], [10 * turn + 1])
