@@ -70,6 +70,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ..errors import RemoteFailure
     from ..tools import clocks
     from ..tools.access import Access
 
@@ -93,6 +94,8 @@ def run(options: argparse.Namespace) -> int:
             _print([clocks.state(access, network, each, options.timeout) for each in leaders], options.json)
         except ValueError as exc:
             raise Absent(str(exc)) from exc
+        except RemoteFailure as exc:  # the leader refuses
+            raise Absent(f"{leaders[0]}: {exc.reason}") from exc
         return FINE
     return code()
 

@@ -137,6 +137,8 @@ def test_a_follower_beats_by_the_clock_of_its_leader(
         assert sun.now() == before + 200 * SECOND
         wait_until(lambda: moon.now() >= sun.now())
         wait_until(lambda: moon.entries.count("compute") > beats + 10)
+        assert rc.main(["clock", "speed", "max", "--middleware", middleware, "--timeout", "30"]) == 1
+        assert "rc clock speed: sun: a speed is a positive number" in capsys.readouterr().err
         drive("speed", "50")
         drive("resume")
         wait_until(lambda: moon.now() > before + 205 * SECOND)
