@@ -91,7 +91,6 @@ def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
     """The hosts that these options mean. Their scouts end with it. Raises RobocompError."""
     from ..errors import ConfigurationError
     from ..spelling import unknown
-    from ..tools.posts import Post
 
     plans = _plans(options.network)
     known = {host["name"]: name for name, plan in plans.items() for host in plan["hosts"]}
@@ -100,12 +99,17 @@ def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
             if not known:
                 raise ConfigurationError(f"--host {name}: no network with other hosts runs here")
             raise ConfigurationError(unknown("host", name, [HERE, *known]))
+    here = not options.hosts or HERE in options.hosts
+    if not known:
+        yield Hosts((), {}, here=here, options=_operator(plans, options))
+        return
+    from ..tools.posts import Post  # a command on a single host does without
+
     wanted = [name for name in known if name in options.hosts or not options.hosts]
     posts = [Post(name, partial(_connected, known[name], name)) for name in wanted]
     processes = [each for plan in plans.values() for each in plan["processes"]]
     host_of = {instance: each["host"] for each in processes for instance in each["instances"]}
     try:
-        here = not options.hosts or HERE in options.hosts
         yield Hosts(posts, host_of, here=here, options=_operator(plans, options))
     finally:
         for each in posts:
@@ -149,7 +153,7 @@ def _plans(wanted: str | None) -> dict[str, Any]:
 
     What makes a connection takes long to import, so plans are looked into first.
     """
-    from ..errors import ConfigurationError, TransportError
+    from ..errors import ConfigurationError, DeploymentError, TransportError
     from ..transports.directory import runtime_dir
 
     if not wanted:
@@ -162,7 +166,13 @@ def _plans(wanted: str | None) -> dict[str, Any]:
 
     found = {}
     for name in [network_of(wanted)] if wanted else networks():
-        plan = running_plan(name)
+        try:
+            plan = running_plan(name)
+        except DeploymentError as exc:
+            if wanted:
+                raise
+            print(f"warning: {exc}", file=sys.stderr)
+            continue
         if wanted and plan is None:
             raise NotRunning(f"network `{name}` is not running on this machine")
         if plan and plan.get("hosts"):

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import closing
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
@@ -22,14 +23,15 @@ def test_it_prints_the_address_of_a_page_and_ends_with_an_interrupt() -> None:
     with subprocess.Popen([*COMMAND, "--json"], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         url = urlsplit(json.loads(process.stdout.readline())["url"])
-        connection = HTTPConnection(url.netloc, timeout=SOON)
-        connection.request("GET", f"{url.path}?{url.query}")
-        assert connection.getresponse().status == 200
-        connection.request("GET", f"/events?{url.query}")
-        stream = connection.getresponse()
-        while not stream.readline().startswith(b"event: look"):
-            pass
-        look = json.loads(stream.readline().removeprefix(b"data: "))
+        with closing(HTTPConnection(url.netloc, timeout=SOON)) as connection:
+            connection.request("GET", f"{url.path}?{url.query}")
+            with connection.getresponse() as page:
+                assert page.status == 200
+            connection.request("GET", f"/events?{url.query}")
+            with connection.getresponse() as stream:
+                while not stream.readline().startswith(b"event: look"):
+                    pass
+                look = json.loads(stream.readline().removeprefix(b"data: "))
         process.send_signal(signal.SIGINT)
         assert process.wait(SOON) == 130
     assert (look["name"], look["troubles"]) == ("what runs here", [])
