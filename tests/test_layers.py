@@ -97,7 +97,16 @@ FORBIDDEN: dict[str, set[str]] = {
     },
     "robocomp_py.usercode.check": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.runtime"},
     "robocomp_py.dsl.workspace": MIDDLEWARES
-    | {"numpy", "jinja2", "robocomp_py.codegen", "robocomp_py.runtime", "msgpack"},
+    | {
+        "robocomp_py.dsl.ddsl",
+        "robocomp_py.dsl.smdsl",
+        "robocomp_py.innermodel",
+        "numpy",
+        "jinja2",
+        "robocomp_py.codegen",
+        "robocomp_py.runtime",
+        "msgpack",
+    },
     "robocomp_py.codegen.generate": MIDDLEWARES
     | {"numpy", "lark", "robocomp_py.dsl", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.lsp.rename": MIDDLEWARES

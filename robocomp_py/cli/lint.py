@@ -92,24 +92,38 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
 
     Configurations are checked against a model, by default that of the component in whose folder they are.
     """
-    from ..deploy.configuration import check_configuration, is_configuration
     from ..dsl.diagnostics import ordered
     from ..dsl.workspace import ENDINGS, Workspace
-    from ..usercode.check import check_component
 
     workspace = Workspace(include)
     for path in files:
-        if path.suffix.lower() == ".ddsl":
-            _check_network(path, workspace)
-        elif path.suffix.lower() == ".xml":
-            workspace.check(path)
-        elif is_configuration(path) or (against and path.suffix.lower() not in ENDINGS):
-            check_configuration(path, workspace, against)
-        else:
-            workspace.check(path)
-            if path.suffix.lower() == ".cdsl":
-                check_component(path, workspace)
+        match path.suffix.lower():
+            case ".ddsl":
+                _check_network(path, workspace)
+            case ".cdsl":
+                _check_component(path, workspace)
+            case ending if ending in (*ENDINGS, ".xml"):
+                workspace.check(path)
+            case _:
+                _check_other(path, workspace, against)
     return ordered(dict.fromkeys(workspace.report.diagnostics))
+
+
+def _check_component(path: Path, workspace: Workspace) -> None:
+    from ..usercode.check import check_component
+
+    workspace.check(path)
+    check_component(path, workspace)
+
+
+def _check_other(path: Path, workspace: Workspace, against: Path | None) -> None:
+    """Check a configuration, or what has no known ending."""
+    from ..deploy.configuration import check_configuration, is_configuration
+
+    if is_configuration(path) or against:
+        check_configuration(path, workspace, against)
+    else:
+        workspace.check(path)
 
 
 def _check_network(path: Path, workspace: Workspace) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import installed, plugins
 from ..codegen import unchanged
-from ..contract.middleware import AUTO, carrier
+from ..contract.middleware import AUTO, carrier, generated_for
 from ..dsl.diagnostics import Diagnostic, Severity
 from ..errors import ConfigurationError
 from ..spelling import unknown
@@ -165,7 +165,6 @@ def _up_to_date(job: _Job) -> unchanged.Component | None:
     """The record of a written component; None if a file has changed since."""
     from ..codegen.generate import Owner
     from ..codegen.write import origin
-    from ..deploy.routes import generated_for
 
     now = unchanged.generic_part(str(job.root))
     own = {str(each.path): each.text for each in job.artifacts if each.owner is Owner.GENERATOR}
@@ -264,7 +263,6 @@ def _jobs(
 ) -> list[_Job] | None:
     """The components to generate; None, after printing the errors, if a model is wrong."""
     from ..codegen.generate import GenerationError, Model, generate
-    from ..deploy.routes import generated_for
     from ..dsl.workspace import Workspace
 
     workspace = Workspace(include, trace.read)

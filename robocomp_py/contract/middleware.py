@@ -8,6 +8,7 @@ auto(dds)    the same, with dds instead of DEFAULT
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 AUTO = "auto"
 """The choice of a component that was generated without one."""
@@ -16,6 +17,9 @@ DEFAULT = "zeromq"
 """What carries the messages if no middleware is named and nothing faster is available."""
 
 _AUTO = re.compile(rf"{AUTO}(?:\(\s*(\w+)\s*\))?")
+
+
+_GENERATED = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
 
 
 def is_auto(middleware: str | None) -> bool:
@@ -34,3 +38,13 @@ def carrier(middleware: str | None, generated_for: str) -> str:
         if named := found[1] if found else said:
             return str(named)
     return DEFAULT if generated_for else ""
+
+
+def generated_for(folder: Path) -> str:
+    """The choice in a component's generic part: a middleware, or auto; "" if there is none."""
+    try:
+        text = (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    found = _GENERATED.search(text)
+    return found[1] if found else ""

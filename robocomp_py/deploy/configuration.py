@@ -11,6 +11,7 @@ from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component
+from ..contract.middleware import generated_for
 from ..contract.parameters import Complaint
 from ..dsl.diagnostics import Diagnostic
 from ..dsl.source import Source, Span
@@ -22,7 +23,6 @@ from ..runtime.document import Document, NotToml
 from ..runtime.settings import Settings
 from ..spelling import unknown
 from .mending import Mended, mend
-from .routes import generated_for
 
 
 def is_configuration(path: Path) -> bool:

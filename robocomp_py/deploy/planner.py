@@ -17,7 +17,7 @@ from typing import Protocol, TypeVar
 from .. import installed
 from ..contract.component import Component, Port
 from ..contract.interface import Pattern, Verb
-from ..contract.middleware import AUTO, carrier
+from ..contract.middleware import AUTO, carrier, generated_for
 from ..contract.parameters import Complaint, ParameterSet
 from ..dsl.cdsl.qos import read_qos as qos_of
 from ..dsl.ddsl.hosts import check_ports
@@ -48,7 +48,6 @@ from .routes import (
     ByChannel,
     Configured,
     check_routes,
-    generated_for,
     providers,
     stays_inside,
     unfit,

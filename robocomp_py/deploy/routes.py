@@ -6,11 +6,9 @@ line, and so may the instance a port uses. This module finds the result of all o
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 from .. import installed
 from ..contract.component import Component, Port
@@ -26,8 +24,6 @@ from ..transports.deployment import deployment_of
 from ..transports.network import Fault
 from ..transports.network import Way as Carried
 from ..wire import names
-
-_MIDDLEWARE = re.compile(r'^    middleware = "([^"]+)"$', re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -225,16 +221,6 @@ def _named(middleware: str) -> str:
 def _further(own: Aim, way: Way) -> Aim:
     source = own.source if way.source is None else way.source
     return Aim(source, own.middleware if way.middleware is None else _named(way.middleware or AUTO), "also")
-
-
-def generated_for(folder: Path) -> str:
-    """The choice in a component's generic part: a middleware, or auto; "" if there is none."""
-    try:
-        text = (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-    found = _MIDDLEWARE.search(text)
-    return found[1] if found else ""
 
 
 def unfit(middleware: str) -> Fault | None:

@@ -18,8 +18,6 @@ from lark import Lark
 from lark.grammar import Rule
 from lark.lexer import PatternRE, TerminalDef
 
-from .ddsl.clauses import grammar_rules
-
 FOLDER = Path(__file__).parent
 OF_MAKING = ("edit_terminals", "import_paths")
 """Options of lark that make tables; loaded ones do without."""
@@ -53,7 +51,11 @@ def tables_file(name: str) -> Path:
 
 def read_grammar(name: str) -> Grammar:
     """The grammar of the language in a folder of this package: its file, and for DDSL the rules of its clauses."""
-    own = (FOLDER / name / "grammar.lark").read_text(encoding="utf-8") + (grammar_rules() if name == "ddsl" else "")
+    own = (FOLDER / name / "grammar.lark").read_text(encoding="utf-8")
+    if name == "ddsl":
+        from .ddsl.clauses import grammar_rules  # other languages do without the models of DDSL
+
+        own += grammar_rules()
     shared = (FOLDER / "common.lark").read_text(encoding="utf-8")
     try:
         tables = tables_file(name).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The code of the templates that was made beforehand is that of the templates, and no other is used."""
+"""The code of the templates that was made beforehand; test_golden.py tests that it is that of the templates."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ from importlib.metadata import version
 
 from jinja2.bccache import Bucket
 
-from robocomp_py.codegen.compiled import FILE, Compiled, text_of
+from robocomp_py.codegen.compiled import FILE, Compiled
 from robocomp_py.codegen.generate import environment
 
 TEXT = FILE.read_text(encoding="utf-8")
-
-
-def test_the_code_is_that_of_the_templates() -> None:
-    made = json.loads(text_of(environment()))
-    assert json.loads(TEXT)["code"] == made["code"], "`make golden` if this is meant"
 
 
 def test_code_is_for_one_text_and_one_version_of_jinja2() -> None:

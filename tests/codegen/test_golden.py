@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import lark
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.codegen import compiled
+from robocomp_py.codegen.generate import environment
+from robocomp_py.dsl.tables import make, read_grammar, text_of
 
+from ..dsl.tables import LANGUAGES
 from .generated import MODELS, NAMES, artifacts, copied
 from .golden import GOLDEN, OWN, TEXTS, expected
 
@@ -51,6 +57,19 @@ def test_a_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "everything: up to date in " in capsys.readouterr().out
     assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
     assert rcgen(["--check", str(cdsl)]) == 0
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_tables_of_a_parser_are_those_of_its_grammar(language: str) -> None:
+    """Other versions of lark make the same ones, or this fails."""
+    grammar = read_grammar(language)
+    found = json.loads(grammar.tables) | {"lark": lark.__version__}
+    assert found == json.loads(text_of(grammar, make(grammar))), "`make golden` if this is meant"
+
+
+def test_the_code_of_the_templates_is_that_of_the_templates() -> None:
+    found, made = (json.loads(text)["code"] for text in (compiled.FILE.read_text(), compiled.text_of(environment())))
+    assert found == made, "`make golden` if this is meant"
 
 
 def test_every_model_has_a_golden_component() -> None:

@@ -100,8 +100,7 @@ def _outdated(linked: LinkedComponent) -> list[str]:
     from ... import __version__
     from ...codegen.generate import GenerationError, Model, generate_generic
     from ...codegen.write import compare
-    from ...contract.middleware import AUTO
-    from ...deploy.routes import generated_for
+    from ...contract.middleware import AUTO, generated_for
 
     folder = linked.path.parent
     try:
