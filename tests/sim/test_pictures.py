@@ -136,6 +136,16 @@ def test_a_view_stays_as_it_was(room: World, renderer: Renderer) -> None:
     assert colour(renderer.picture(before, "eye").colours, 32, 48) == "yellow"
 
 
+@tool
+def test_a_change_of_the_scene_is_in_the_next_picture(room: World, renderer: Renderer) -> None:
+    renderer.picture(room.view(), "eye")
+    before, tree = room.view(), room.tree.copy()
+    tree.add("base", "plane", "board", pz=500.0, size=(9000.0, 9000.0, 1.0), texture=COLOURS["pink"])
+    room.change(tree)
+    assert colour(renderer.picture(room.view(), "eye").colours, 32, 48) == "pink"
+    assert colour(renderer.picture(before, "eye").colours, 32, 48) == "yellow"
+
+
 # What is on planes.
 
 QUARTERS = np.array([["red", "green"], ["blue", "yellow"]])

@@ -336,9 +336,9 @@ class CameraPublication:
 
     def _publish(self, view: View, time: int, renderer: Renderer) -> None:
         camera = self._camera.node.id
-        height, width = self._camera.size
-        shapes = {"image": (height, width, 3), "depth": (height, width * 4)}
         try:
+            height, width = self._camera.size
+            shapes = {"image": (height, width, 3), "depth": (height, width * 4)}
             with self._loan(**{each: shapes.get(name, 0) for each, name in self._arrays}) as message:
                 found = self._fill(message, self._camera.about(time) | {"depthFactor": 1.0})
                 depths = found.get("depth")
