@@ -19,6 +19,7 @@ _EXAMPLES = """\
 examples:
   rc sim new house.xml -o house      a component that provides every robot and sensor of the scene
   rc sim offers house.xml            the lines of the network that declare them
+  rc sim offers house.xml --ice      the same, with the ports at which programs of RoboComp ask
 
 Simulating needs `pip install 'robocomp-py[sim]'`; these commands do not.
 
@@ -39,32 +40,48 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "offers", help="print what a network declares", description="Print the devices of a scene as clauses of DDSL."
     )
     shown.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene")
-    shown.add_argument("--json", action="store_true", help="print one object: interfaces by device")
+    shown.add_argument(
+        "--ice",
+        action="store_true",
+        help="with the ports of the file, at which programs of RoboComp ask: one interface at each",
+    )
+    shown.add_argument("--json", action="store_true", help="print one object: interfaces by device, or with their port")
 
 
 def run(options: argparse.Namespace) -> int:
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
-    from ..sim.serve.offers import INTERFACES, left_out, offers
+    from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers
 
+    tree = Tree()
     try:
         tree = Tree.read(options.scene)
         found = offers(tree)
+        ports = at_ports(tree) if options.action == "offers" and options.ice else {}
     except InnerModelError as exc:
-        return complain(f"rc sim: {exc}")
+        place = tree.place(exc.node) if exc.node else None
+        return complain(f"rc sim: {f'{place}: ' if place else ''}{exc}")
     missing = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in left_out(tree).items())
     if not found:
         kinds = ", ".join((*INTERFACES, "joint"))
         wrong = f"rc sim: {options.scene} has no device that can be provided: {kinds}"
         return complain(wrong + (f"; it has {missing}" if missing else ""))
     if options.action == "offers":
-        lines = [f"offers {name} : {', '.join(interfaces)};" for name, interfaces in found.items()]
-        print(json.dumps(found) if options.json else "\n".join(lines))
+        _print_offers(ports or {name: (interfaces, 0) for name, interfaces in found.items()}, options)
         return FINE
     code = _new(options, found)
     if missing and code == FINE:
         print(f"not provided yet: {missing}")
     return code
+
+
+def _print_offers(found: dict[str, tuple[tuple[str, ...], int]], options: argparse.Namespace) -> None:
+    if options.json:
+        with_ports = {name: {"interfaces": each, "port": port} for name, (each, port) in found.items()}
+        print(json.dumps(with_ports if options.ice else {name: each for name, (each, _) in found.items()}))
+        return
+    for name, (interfaces, port) in found.items():
+        print(f"offers {name} : {', '.join(interfaces)}{f' port {port}' if port else ''};")
 
 
 def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:

@@ -197,6 +197,27 @@ def test_offers_are_printed(scene: Path, capsys: pytest.CaptureFixture[str]) -> 
     }
 
 
+WITH_PORTS = (
+    SCENE.replace('id="front"', 'id="front" port="10003"')
+    .replace('id="base"', 'id="base" port="10004"')
+    .replace('<laser id="off"/>', '<joint id="pan" port="10067"/><joint id="tilt" port="10067"/>')
+)
+
+
+def test_offers_are_printed_with_the_ports_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(WITH_PORTS)
+    assert rc(["sim", "offers", str(path), "--ice"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["offers base : DifferentialRobot port 10004;", "offers front : Laser port 10003;"]
+    assert lines[-2:] == ["offers still : Laser, LaserPub;", "offers joints10067 : JointMotor port 10067;"]
+    assert rc(["sim", "offers", str(path), "--ice", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["front"] == {"interfaces": ["Laser"], "port": 10003}
+    path.write_text(WITH_PORTS.replace("10003", "10004"))
+    assert rc(["sim", "offers", str(path), "--ice"]) == 1
+    assert "room.xml:5:40: `front`: port 10004 is that of `base`, too" in capsys.readouterr().err
+
+
 def test_devices_that_are_not_provided_yet_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "room.xml"
     path.write_text(SCENE.replace('<laser id="off"/>', '<laser id="off"/><pointcloud id="cloud"/>'))

@@ -66,6 +66,25 @@ def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
     return found | {name: (*found.get(name, ()), *MOTORS) for name in motors(tree)}
 
 
+def at_ports(tree: Tree) -> dict[str, tuple[tuple[str, ...], int]]:
+    """The interfaces and the port of each instance, as RoboComp's programs find them: one interface at a port.
+
+    Instances without a port, which is 0 then, have all their interfaces. Raises InnerModelError for a port that two
+    instances have.
+    """
+    found: dict[str, tuple[tuple[str, ...], int]] = {}
+    groups, taken = motors(tree), dict[int, str]()
+    for name, interfaces in offers(tree).items():
+        node = groups[name][0] if name in groups else name
+        port = int(str(tree.node(node).values.get("port", 0)))
+        if port in taken:
+            raise InnerModelError(f"`{node}`: port {port} is that of `{taken[port]}`, too: give one another", node=node)
+        if port:
+            taken[port] = node
+        found[name] = (interfaces[:1] if port else interfaces), port
+    return found
+
+
 def left_out(tree: Tree) -> dict[str, list[str]]:
     """The devices that no interface provides, by the kind of device: `camera`, or `laser without rays`."""
     found: dict[str, list[str]] = {}
