@@ -52,7 +52,7 @@ _LEAST_AREA = 1e-12
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
 """Of shapes that are only seen: MuJoCo computes no convex hulls of them."""
 
-# The six sides of a box: what is ahead of the one who looks at it, and what is up there.
+# The six sides of a box: which way is ahead for a camera that looks at the side, and which way is up in its picture.
 _SIDES = tuple(
     (np.array(ahead, dtype=float), np.array(up, dtype=float))
     for ahead, up in (

@@ -74,8 +74,7 @@ class Renderer:
     size of what a display shows, has changed.
     """
 
-    def __init__(self, *, without_meshes: bool = False) -> None:
-        self._without_meshes = without_meshes
+    def __init__(self) -> None:
         self._stage: _Stage | None = None
 
     def picture(self, view: View, camera: str, colours: Pixels | None = None, depths: Depths | None = None) -> Picture:
@@ -85,7 +84,7 @@ class Renderer:
         """
         if self._stage is None or not self._stage.fits(view):
             self.close()
-            self._stage = _Stage(view, self._without_meshes)
+            self._stage = _Stage(view)
         made = self._stage.picture(view, camera, colours, depths)
         deviation = view.noise.get(camera, 0.0)
         if deviation:
@@ -111,9 +110,10 @@ class Renderer:
 class _Stage:
     """A model that is drawn, and its context of OpenGL."""
 
-    def __init__(self, view: View, without_meshes: bool) -> None:
+    def __init__(self, view: View) -> None:
         self._scene = view.scene
-        self._drawn = build(view.scene.tree, 0.005, without_meshes=without_meshes, shown=view.shown)
+        # The world has no meshes that are missing, or leaves them out.
+        self._drawn = build(view.scene.tree, 0.005, without_meshes=True, shown=view.shown)
         model = self._drawn.model
         self._data = mujoco.MjData(model)
         self._view: View | None = None

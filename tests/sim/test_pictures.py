@@ -146,6 +146,13 @@ def test_a_change_of_the_scene_is_in_the_next_picture(room: World, renderer: Ren
     assert colour(renderer.picture(before, "eye").colours, 32, 48) == "yellow"
 
 
+@tool
+def test_meshes_that_the_world_leaves_out_are_not_drawn(tmp_path: Path, renderer: Renderer) -> None:
+    text = ROOM.replace("<joint", '<mesh id="cup" file="cup.stl" tz="500"/><joint')
+    room = world(tmp_path, text, without_meshes=True)
+    assert colour(renderer.picture(room.view(), "eye").colours, 32, 48) == "yellow"
+
+
 # What is on planes.
 
 QUARTERS = np.array([["red", "green"], ["blue", "yellow"]])

@@ -85,10 +85,7 @@ class Simulator(Controlled, Managed):
             raise ConfigurationError(_told(exc, tree)) from exc
         self._pace = Pace(self.world.tick, self.now())
         self._folder = path.parent
-        self._studio = Studio(
-            without_meshes=self.params.without_meshes,
-            suspended=self._suspended if isinstance(self._clock, Real) else None,
-        )
+        self._studio = Studio(self._suspended if isinstance(self._clock, Real) else None)
         self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
         """By the port, and the name of the instance."""

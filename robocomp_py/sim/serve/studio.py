@@ -31,9 +31,9 @@ class Studio:
     drawn at once by the thread that asks for it, so that it belongs to the same time in every run.
     """
 
-    def __init__(self, *, without_meshes: bool, suspended: Callable[[], AbstractContextManager[None]] | None) -> None:
+    def __init__(self, suspended: Callable[[], AbstractContextManager[None]] | None) -> None:
         """`suspended` lets handlers run during a wait; None: pictures are drawn at once."""
-        self._renderer = Renderer(without_meshes=without_meshes)
+        self._renderer = Renderer()
         self._suspended = suspended or nullcontext
         self._pool = ThreadPoolExecutor(1, "cameras") if suspended else None
         self._latest: dict[str, tuple[View, Shot]] = {}
