@@ -146,6 +146,12 @@ class Tree:
             document = node.element.document if node.element else self._model.documents[0] if self._model else None
             return found_file(str(node.values[attribute]), document.path.parent if document else Path(), self._prefixes)
 
+    def parent(self, name: str) -> str:
+        """The id of a node's parent; "" of the root."""
+        with self._lock:
+            above = self._found(name).parent
+            return above.id if above else ""
+
     def place(self, name: str) -> Place | None:
         """Where the start tag of a node is; None if the node is not in a file."""
         with self._lock:
@@ -413,8 +419,10 @@ class Tree:
 
     def _copy(self, node: _Node, parent: _Node) -> None:
         made = _Node(node.tag, dict(node.values), node.element)
-        made.position, made.is_set = node.position, node.is_set
-        self._insert(made, parent)
+        made.position, made.is_set, made.local = node.position, node.is_set, node.local
+        made.parent = parent
+        parent.children.append(made)
+        self._nodes[made.id] = made
         for child in node.children:
             self._copy(child, made)
 

@@ -321,11 +321,12 @@ def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: An
 
 def _nearest(building: _Building, node: Node, key: str) -> float | None:
     """A parameter of a node, or of the next node above it that has it."""
-    while key not in building.parameters.get(node.id, {}):
-        if not node.parent:
+    name = node.id
+    while key not in building.parameters.get(name, {}):
+        name = building.tree.parent(name)
+        if not name:
             return None
-        node = building.tree.node(node.parent)
-    return building.parameters[node.id][key]
+    return building.parameters[name][key]
 
 
 def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tuple[str, Array]:

@@ -127,8 +127,10 @@ class World:
         self._hold = round(hold / tick)
         self._without_meshes, self._parameters = without_meshes, dict(parameters or {})
         self._equip(self._parameters)
-        self._first, self._edits = b"", b""
-        """The fingerprints of the tree before the first change, and now if it is another one."""
+        self._original: Tree | None = None
+        """The tree before the first change."""
+        self._edits: bytes | None = b""
+        """The fingerprint of the tree, if it differs from that one; None: not yet computed."""
         self._shown: dict[str, Pixels] = {}
         self._held: dict[str, str] = {}
         self._data = mujoco.MjData(self._scene.model)
@@ -213,9 +215,7 @@ class World:
         except BaseException:
             self.__dict__ = before.__dict__
             raise
-        self._first = before._first or fingerprint(before._tree)
-        made = fingerprint(tree)
-        self._edits = made if made != self._first else b""
+        self._original, self._edits = before._original or before._tree, None
 
     def _keep(self, before: World) -> None:
         """Take over what was told before, as far as it is about nodes that are still there."""
@@ -416,7 +416,10 @@ class World:
         for name, drive in sorted(self._drives.items()):
             numbers = (*drive.speed, *drive.odometry, *drive.corrected)
             made.update(f"{name}{drive.expires}".encode() + struct.pack("<9d", *numbers))
-        made.update(self._edits)
+        if self._edits is None and self._original:
+            now = fingerprint(self._tree)
+            self._edits = now if now != fingerprint(self._original) else b""
+        made.update(self._edits or b"")
         for weld in self._welds():
             made.update(self._scene.model.eq_data[weld].tobytes())
         for values in (self._motors, self._noise, self._inertias, self._held):
