@@ -32,6 +32,8 @@ def part(worker: type[Worker[Any]], name: str = "", **sets: str) -> Part:
 def no_threads_are_left() -> Iterator[None]:
     before = set(threading.enumerate())
     yield
+    for each in set(threading.enumerate()) - before:
+        each.join(30)  # it may have been told to end, and not have ended yet
     assert set(threading.enumerate()) <= before
 
 
