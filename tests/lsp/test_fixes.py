@@ -44,6 +44,7 @@ FIXABLE = {
     "unknown-instance",
     "unknown-interface",
     "unknown-middleware",
+    "unknown-operation",
     "unknown-option",
     "unknown-port",
     "unknown-state",
@@ -122,6 +123,7 @@ NOT_FIXABLE = {
     "unreachable-state",
     "unshared-process",
     "void-type",
+    "wrong-allow",
     "wrong-import",
     "wrong-verb",
     # It is not in the text that is open.
