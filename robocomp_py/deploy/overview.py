@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..runtime.notify import BETWEEN
+from ..transports.deployment import deployment_of
+from ..transports.network import Helper, named
 from .changes import Change, Kind
 from .plan import Host, Link, Plan
 from .policy import Escalation, Restart, When
@@ -76,7 +78,14 @@ def _host(host: Host) -> Line:
 
 
 def _helpers(plan: Plan) -> list[Line]:
-    return [[(each.title, "bold"), (f": {each.note}", "")] for each in plan.helpers if each.note]
+    return [[(each.title, "bold"), (f": {said}", "")] for each in plan.helpers if (said := each.note or _helped(each))]
+
+
+def _helped(helper: Helper) -> str:
+    """Where a helper runs, and the addresses that it opens."""
+    reached = [each.address for each in deployment_of(helper.middleware).reached(helper.options)]
+    where = "on the host of its address" if helper.host is None else named(helper.host)
+    return ", ".join((f"helper {where}", *dict.fromkeys(reached)))
 
 
 def _rows(plan: Plan) -> list[list[list[Span]]]:

@@ -702,12 +702,12 @@ class _Planner:
         ways, wired = self._choice.ways, self._wiring
         openings = list(security.openings_of(self._configured, self._choice.carriers, wired.settings))
         hosts = {node.name: node.host for node in nodes}
-        for way in ways:
+        crossing = [way for way in ways if hosts[way.client] != hosts[way.provider]]
+        for way in crossing:
             between = {hosts[way.client], hosts[way.provider]}
             used = [each for each in wired.helpers if each.middleware == way.middleware and each.host in between]
-            if len(between) > 1:
-                openings += [security.Opening(way.client, way.middleware, each.options) for each in used]
-        faults = worth_telling(security.faults(allowed, openings, ways))
+            openings += [security.Opening(way.client, way.middleware, each.options) for each in used]
+        faults = worth_telling(security.faults(allowed, openings, ways, crossing))
         named = {node.name: node for node in nodes}
         for fault in faults[:1] if allowed is Security.LOCAL else faults:  # there is one way out for all of them
             self._error(fault.code, fault.message, named[fault.instance].place(), fault.hint)

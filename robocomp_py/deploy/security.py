@@ -20,7 +20,7 @@ from ..runtime import settings
 from ..runtime.document import Document
 from ..runtime.notify import BETWEEN
 from ..transports.base import Capability, find_transport
-from ..transports.deployment import deployment_of, deployments, is_loopback
+from ..transports.deployment import Deployment, deployment_of, deployments, is_loopback
 from ..transports.network import Fault, Helper
 from ..transports.permissions import router_name
 from . import keys
@@ -58,8 +58,10 @@ def openings_of(
             yield Opening(each.name, middleware, given | further.get(middleware, {}))
 
 
-def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way]) -> Iterator[Fault]:
-    """Everything in a network that its security does not allow."""
+def faults(
+    security: Security, openings: Sequence[Opening], ways: Sequence[Way], crossing: Sequence[Way] = ()
+) -> Iterator[Fault]:
+    """Everything in a network that its security does not allow. `crossing` has the ways between hosts."""
     for opening in openings:
         deployment = deployment_of(opening.middleware)
         for reached in deployment.reached(opening.options):
@@ -68,10 +70,17 @@ def faults(security: Security, openings: Sequence[Opening], ways: Sequence[Way])
                 continue
             if security is Security.LOCAL:
                 message = f"{where}, which `security local` does not allow: {_BEYOND}"
-                instead = f"stay on this machine, or use {_protected()}, or {_SAY_OPEN} if any machine may take part"
-                yield Fault("insecure", message, instead if deployment.unprotected else _SAY, opening.instance)
+                yield Fault("insecure", message, _instead(deployment), opening.instance)
             elif security is Security.LAN and reached.unencrypted:
                 yield Fault("insecure", f"{where}, which is not encrypted", reached.unencrypted, opening.instance)
+    for way in crossing if security is Security.LOCAL else ():
+        deployment = deployment_of(way.middleware)
+        if deployment.crosses_hosts:  # if not, its wiring refuses the way
+            message = (
+                f"`{way.client}` and `{way.provider}` are on different hosts, and `{way.middleware}` connects them, "
+                "which `security local` does not allow"
+            )
+            yield Fault("insecure", message, _instead(deployment), way.client)
     for middleware, instances in _users(openings, ways).items():
         if why := _why_not(security, middleware):
             use = f"{_listed(instances)} {'uses' if len(instances) == 1 else 'use'} `{middleware}`"
@@ -87,6 +96,13 @@ def _why_not(security: Security, middleware: str) -> str:
     if security is Security.LOCAL and _reaches_out(middleware):
         return "its transport declares that it reaches other machines (`Capability.CROSS_HOST`)"
     return ""
+
+
+def _instead(deployment: Deployment) -> str:
+    """What to write instead of `security local`, or to use."""
+    if deployment.unprotected:
+        return f"stay on this machine, or use {_protected()}, or {_SAY_OPEN} if any machine may take part"
+    return _SAY
 
 
 def _reaches_out(middleware: str) -> bool:

@@ -6,8 +6,10 @@ hosts leaves loopback: an instance that is used on its own host alone gets no se
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from ..runtime.effective import toml
 from ..transports.deployment import deployment_of, deployments
@@ -72,13 +74,22 @@ def place(network: Network) -> Placement:
 def _shared_ports(network: Network, helpers: Sequence[Helper]) -> Iterator[Fault]:
     """A network has one port for a helper of each host, and one folder of keys."""
     first: dict[str | None, Helper] = {}
-    for helper in (each for each in helpers if each.addresses):
+    for helper in (each for each in helpers if each.addresses or _names(each.options, network.helper_port)):
         other = first.setdefault(helper.host, helper)
         if other is not helper:
             way = next(way for way in network.over(helper.middleware).crossing())
             both = f"`{other.middleware}` and `{helper.middleware}`"
             message = f"{both} each need a helper {named(helper.host or '')}, but there is a port for only one of them"
             yield Fault("unfit-middleware", message, "use one of them between hosts", way.client, other=way.provider)
+
+
+def _names(options: Any, port: int) -> bool:
+    """Whether options name a port: as a number, or in a text such as `tcp://10.0.0.1:20000`."""
+    if isinstance(options, Mapping):
+        return any(_names(each, port) for each in options.values())
+    if isinstance(options, list | tuple):
+        return any(_names(each, port) for each in options)
+    return bool(re.search(rf"(?<!\d){port}(?!\d)", str(options)))
 
 
 def _fault(refusal: Refusal) -> Fault:

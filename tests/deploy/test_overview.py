@@ -16,6 +16,8 @@ from robocomp_py.deploy.policy import Escalation, Restart, When
 from robocomp_py.deploy.process import Member, Process
 from robocomp_py.deploy.table import text
 from robocomp_py.transports.ice.places import icestorm
+from robocomp_py.transports.network import Helper
+from robocomp_py.transports.zenoh.deployment import router
 
 from .test_asjson import EVERYTHING
 
@@ -63,6 +65,13 @@ def test_a_plan_says_which_icestorm_its_topics_need() -> None:
     proxy = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
     plan = Plan("One", "ice", (process("arm"),), (), helpers=(icestorm(proxy),))
     assert lines(plan)[1:3] == [f"IceStorm: {proxy}, run with the network if that is here and none answers there", ""]
+
+
+def test_a_plan_says_where_its_helpers_run_and_listen() -> None:
+    listening = {"router": {"listen/endpoints": ["tcp/192.168.1.10:25800"]}}
+    helpers = router("onboard", listening, "192.168.1.10"), Helper("unknown", "", {"port": 1}, "an-other", "Other")
+    plan = Plan("One", "zenoh", (process("arm"),), (), helpers=helpers)
+    assert lines(plan)[1:3] == ["Zenoh: helper on `onboard`, tcp/192.168.1.10:25800", "Other: helper on this machine"]
 
 
 def test_columns_in_which_nothing_stands_are_left_out() -> None:

@@ -139,6 +139,7 @@ PLUGIN = """
 from robocomp_py.transports.base import Capability
 from robocomp_py.transports.deployment import Deployment
 from robocomp_py.transports.inproc import InprocTransport
+from robocomp_py.transports.network import Wiring
 
 class Carrier(InprocTransport):
     capabilities = Capability.CROSS_PROCESS | Capability.RELIABLE
@@ -150,7 +151,27 @@ class Silent(Deployment):
     pass
 class Guarded(Deployment):
     unprotected = ""
+class Bare(Deployment):
+    crosses_hosts = True
+    def wire(self, network):
+        return Wiring()
 """
+
+
+def install(packages: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Transports of another package."""
+    (packages / "carriers-1.0.dist-info").mkdir(parents=True)
+    (packages / "carriers.py").write_text(PLUGIN)
+    (packages / "carriers-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: carriers\nVersion: 1.0\n"
+    )
+    (packages / "carriers-1.0.dist-info" / "entry_points.txt").write_text(
+        "[robocomp_py.transports]\ncarrier = carriers:Carrier\nguarded = carriers:Carrier\nfar = carriers:Far\n"
+        "made = carriers:made\nbroken = carriers:Carrier\nbare = carriers:Carrier\n"
+        "[robocomp_py.deployments]\nguarded = carriers:Guarded\nmade = carriers:Silent\nbroken = nowhere:Side\n"
+        "bare = carriers:Bare\n"
+    )
+    monkeypatch.syspath_prepend(packages)
 
 
 @pytest.mark.parametrize(
@@ -173,23 +194,28 @@ def test_a_plug_in_transport_is_allowed_what_it_declares(
     middleware: str,
     why: str,
 ) -> None:
-    packages = net.parent / "packages"
-    (packages / "carriers-1.0.dist-info").mkdir(parents=True)
-    (packages / "carriers.py").write_text(PLUGIN)
-    (packages / "carriers-1.0.dist-info" / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: carriers\nVersion: 1.0\n"
-    )
-    (packages / "carriers-1.0.dist-info" / "entry_points.txt").write_text(
-        "[robocomp_py.transports]\ncarrier = carriers:Carrier\nguarded = carriers:Carrier\nfar = carriers:Far\n"
-        "made = carriers:made\nbroken = carriers:Carrier\n"
-        "[robocomp_py.deployments]\nguarded = carriers:Guarded\nmade = carriers:Silent\nbroken = nowhere:Side\n"
-    )
-    monkeypatch.syspath_prepend(packages)
+    install(net.parent / "packages", monkeypatch)
     net.write_text(NETWORK.format(security).replace("zeromq", middleware))
     assert rc(["lint", str(net)]) == (1 if why else 0)
     told = capsys.readouterr()
     refused = f"use `{middleware}`, which `security {security}` does not allow: {why}"
     assert (refused in told.out + told.err) == bool(why)
+
+
+def test_a_plug_in_that_connects_hosts_without_naming_an_address_needs_a_security_clause(
+    net: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install(net.parent / "packages", monkeypatch)
+    body = NETWORK.replace(
+        "Component sensor {{", 'host there {{ address "192.168.1.10"; }}; Component sensor {{ host there;'
+    )
+    net.write_text(body.format("local").replace("zeromq", "bare"))
+    assert rc(["lint", str(net)]) == 1
+    told = capsys.readouterr()
+    refused = "`driver` and `sensor` are on different hosts, and `bare` connects them, which `security local` does not"
+    assert refused in told.out + told.err
+    net.write_text(body.format("open").replace("zeromq", "bare"))
+    assert rc(["lint", str(net)]) == 0
 
 
 def test_the_plan_of_a_network_without_keys_says_so_and_what_to_run(

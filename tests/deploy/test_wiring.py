@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -252,3 +252,25 @@ def test_two_transports_with_a_helper_each_do_not_share_a_host(monkeypatch: pyte
     (first, *_) = wire(network([LASER, WANDER], *ways)).faults
     assert "`pigeon` and `zenoh` each need a helper" in first.message
     assert not wire(network([LASER, WANDER], ways[1])).faults
+
+
+@pytest.mark.parametrize("form", [int, "tcp://10.0.0.10:{}".format, lambda port: {"relay": [f":{port}"]}])
+def test_two_helpers_at_one_port_are_an_error_without_certificates_too(
+    monkeypatch: pytest.MonkeyPatch, form: Callable[[int], Any]
+):
+    class Relayed(Deployment):
+        offset = 0
+
+        def wire(self, network: Network) -> Wired:
+            options = {"listen": form(network.helper_port + self.offset)}
+            return Wired(helpers=tuple(Helper(network.middleware, each, options, "x-y", "X") for each in ("robot",)))
+
+    class Elsewhere(Relayed):
+        offset = 1
+
+    sides = {"pigeon": Relayed(), "parrot": Elsewhere()}
+    monkeypatch.setattr(wiring, "deployment_of", lambda name: sides.get(name) or deployment_of(name))
+    router, relay, other = (way("wander", "laser", name) for name in ("zenoh", "pigeon", "parrot"))
+    (fault,) = wire(network([LASER, WANDER], router, relay)).faults
+    assert "`pigeon` and `zenoh` each need a helper on `robot`" in fault.message
+    assert not wire(network([LASER, WANDER], router, other)).faults
