@@ -163,7 +163,7 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
             raise self.no_answer(deadline) from None
 
     def post(self, peer: P, where: W, payload: Payload, number: int, end: float, deadline: float) -> bool:
-        """Send a request; its reply is passed to `answered` later. False if it could not be sent until `end`.
+        """Send a request; its reply is passed to `answered` later. True once it is sent; False if `end` came first.
 
         A transport whose library tracks calls itself overrides `call` and `ask_peer` instead.
         """
@@ -208,6 +208,9 @@ class CallingLink(FindingLink[T, P, W], SupportsQuestion, ABC):
                 self.check_open()  # an error after closing is reported as Closed
             raise
         if not sent:
+            if sent is None:
+                future.cancel()
+                raise TypeError(f"{type(self).__qualname__}.post must return whether it has sent the request, not None")
             self._pending.fail(key, self.late_to_ask(peer, deadline))
         return future
 

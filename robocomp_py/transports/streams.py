@@ -47,7 +47,7 @@ STALLED = 2.0
 IGNORED = 3.0
 """Seconds for which nothing is sent to such a peer, so that it does not hold up a sender with every message."""
 
-_AT_ONCE = 8
+_AT_ONCE = 4
 """Messages taken from one connection before the next one has its turn."""
 
 _LONGEST_HEADER = 4096

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
-from robocomp_py.errors import TransportError
+from robocomp_py.errors import ConfigurationError, TransportError
 from robocomp_py.testing.conformance import TransportConformance, blob, query, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig
-from robocomp_py.transports.streams import Connection, Message, Process
+from robocomp_py.transports.link import Ends
+from robocomp_py.transports.streams import Caller, Connection, Message, Process
 
 from .tcp import TcpTransport
 
@@ -134,3 +137,33 @@ def test_a_port_that_connects_to_itself_is_no_peer(opened: Callable[[], TcpTrans
         assert not client.known_peers()
     finally:
         client.close()
+
+
+def test_a_port_that_is_wrong_or_taken_is_told_and_leaves_nothing_behind(opened: Callable[[], TcpTransport]) -> None:
+    other = opened()
+    before = sorted(other.folder.rglob("*"))
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        for port in (taken.getsockname()[1], -1, "http"):
+            with pytest.raises(ConfigurationError, match=f"port = {port!r}"):
+                TcpTransport(TransportConfig({"port": port}))
+    assert sorted(other.folder.rglob("*")) == before
+
+
+def test_a_transport_that_does_not_say_whether_it_sent_a_request_is_told_at_once(
+    opened: Callable[[], TcpTransport],
+) -> None:
+    class Silent(Caller):
+        def post(self, *request: Any) -> bool:
+            super().post(*request)
+            return None  # type: ignore[return-value]  # the mistake
+
+    class Mistaken(TcpTransport):
+        ends = Ends(*TcpTransport.ends[:4], Silent, TcpTransport.ends.server)
+
+    opened().server(query("a/B/c"), lambda payload, expires: Reply(Status.OK, payload))
+    with contextlib.closing(Mistaken(TransportConfig(owner="test"))) as client:
+        caller = client.caller(query("a/B/c"))
+        assert caller.wait_peer(SOON)
+        for ask in (caller.ask, caller.call):
+            with pytest.raises(TypeError, match=r"Silent\.post must return whether"):
+                ask(blob(client, b"x"), SOON)
