@@ -5,7 +5,10 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
-from collections.abc import Callable, Iterator
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -167,3 +170,37 @@ def test_a_transport_that_does_not_say_whether_it_sent_a_request_is_told_at_once
         for ask in (caller.ask, caller.call):
             with pytest.raises(TypeError, match=r"Silent\.post must return whether"):
                 ask(blob(client, b"x"), SOON)
+
+
+def test_connections_get_equal_shares_if_each_asks_again_a_moment_after_its_answer(
+    opened: Callable[[], TcpTransport],
+) -> None:
+    transport, lock, enough = opened(), threading.Lock(), threading.Event()
+    pairs = [socket.socketpair() for _ in range(3)]
+    shares, answered = Counter[int](), [0]
+
+    def ask(number: int) -> None:
+        pairs[number][0].send(b"?")
+
+    def serve(number: int) -> None:
+        with lock:
+            if sum(shares.values()) == 300:
+                enough.set()
+                return
+            shares[number] += 1
+            answered.append(number)
+            ask(answered.pop(0))  # the one before
+
+    def take(number: int) -> Iterable[Callable[[], object]]:
+        pairs[number][1].recv(1)
+        return [partial(serve, number)]
+
+    for number, (_, served) in enumerate(pairs):
+        transport.watch(served, partial(take, number), bool)
+    with lock:  # both ask before either is served
+        ask(1)
+        ask(2)
+    assert enough.wait(SOON)
+    for client, _ in pairs:
+        client.close()
+    assert min(shares.values()) >= 90, shares
