@@ -11,7 +11,7 @@ from .common import FINE, USAGE, complain, raise_if_signalled
 from .completing import What, completed
 
 NAME = "host"
-HELP = "run a helper process for the components of this machine: Zenoh's router, or IceStorm"
+HELP = "run a helper process for the components of this machine, such as a router or a broker"
 
 _EXAMPLES = """\
 examples:
@@ -30,14 +30,14 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    about = "the middleware: zenoh or ice"
+    about = "the middleware, any that is installed; the command ends at once if it needs no helper"
     completed(to.add_argument("middleware", metavar="MIDDLEWARE", help=about), What.MIDDLEWARE)
     to.add_argument(
         "--set",
         action="append",
         default=[],
-        metavar="KEY=VALUE",
-        help="set a key of the configuration, as for a component; may be repeated",
+        metavar="transports.MIDDLEWARE.KEY=VALUE",
+        help="set an option of the middleware, as for a component; may be repeated",
     )
 
 

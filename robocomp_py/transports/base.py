@@ -357,8 +357,9 @@ class SupportsHost(Protocol):
     def host(self, config: TransportConfig) -> AbstractContextManager[None]:
         """A context in which this process runs what the components of this host share (a router, a broker).
 
-        It may be entered at any time, also while another process runs the same. Components must work without it.
-        Entering may raise TransportError.
+        It may be entered at any time, also while another process runs the same. The components of one host must work
+        without it; those of several hosts may need it. Of a class, it is a static or class method: no transport is
+        made. `config` has the options of the helper, or none. Entering may raise TransportError.
         """
         ...
 

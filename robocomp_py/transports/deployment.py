@@ -43,6 +43,7 @@ class Reached:
     what: str
     """`listens at`, `connects to`: with the address behind it."""
     address: str
+    """`KIND://HOST:PORT` or `KIND/HOST:PORT`: see `is_loopback`."""
     unencrypted: str = ""
     """If what travels there is not encrypted although the transport is protected: what to write instead."""
 
@@ -106,7 +107,7 @@ class Deployment:
     crosses_hosts = False
     """Whether `wire` connects instances on different hosts."""
     unprotected = "its deployment side does not declare what keeps strangers out"
-    """Why strangers may take part or listen; "" if they cannot."""
+    """Why strangers may take part or listen; "" if they cannot. `security lan` refuses all others."""
     keyed = False
     """Whether it has the option `keys`: a folder that `rcdeploy keys` makes for each process."""
     shares = True
@@ -114,7 +115,7 @@ class Deployment:
     ports_of_interfaces = False
     """Whether each interface that an instance provides to another host has a port of its own."""
     directory = ""
-    """Its folder in the run-time folder, if its processes announce there what they offer and use."""
+    """Its folder in the run-time folder, if its processes announce there what they offer and use: often its `name`."""
     longest_socket = ""
     """The longest path that a socket of it may have below the run-time folder."""
     leaves_memory = False
@@ -229,7 +230,11 @@ _LOCAL = ("here", "ipc", "inproc", "unixsock-stream", "unixpipe")
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this machine reaches what is at an address of a transport."""
+    """Whether only this machine reaches what is at an address of a transport: `KIND://HOST:PORT` or `KIND/HOST:PORT`.
+
+    For `tcp`, `tls`, `udp`, `quic`, `ws` and no kind the host decides. `here`, `ipc`, `inproc`, `unixsock-stream` and
+    `unixpipe` are local, all other kinds are not.
+    """
     kind, _, rest = address.partition("://") if "://" in address else address.partition("/")
     if not rest:
         rest = address

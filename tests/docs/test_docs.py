@@ -6,10 +6,12 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from robocomp_py import installed
+from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import check
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.dsl.workspace import Workspace
@@ -22,6 +24,7 @@ from robocomp_py.runtime.worker import HOOKS, Worker
 from robocomp_py.transports import iceoptions
 from robocomp_py.transports.base import TransportConfig, find_transport
 from robocomp_py.transports.iceoptions import IceOptions
+from robocomp_py.transports.network import Network, Site, Way
 
 from .pages import DOCS, ROOT, Command, File, blocks, steps
 from .reader import do
@@ -111,6 +114,24 @@ def test_the_smallest_transport_of_the_guide_keeps_the_contract(tmp_path: Path) 
 def test_the_transport_over_tcp_of_the_guide_is_the_tested_one() -> None:
     (shown,) = (step.text for step in steps(TRANSPORTS) if isinstance(step, File) and step.path == "tcp.py")
     assert shown == (ROOT / "tests" / "transports" / "tcp.py").read_text()
+
+
+def test_the_deployment_side_of_the_guide_connects_hosts() -> None:
+    (shown,) = (step.text for step in steps(TRANSPORTS) if isinstance(step, File) and step.path == "tcp_hosts.py")
+    names: dict[str, Any] = {"__name__": "tcp_hosts"}
+    exec(shown, names)
+    way = Way("map", "laser", "laser", Verb.REQUIRES, "Laser", "get", "tcp", "")
+    sites = [Site("laser", "laser", "robot"), Site("map", "map"), Site("alone", "alone")]
+    network = Network("N", {"": "10.0.0.1", "robot": "10.0.0.2"}, sites, [way], middleware="tcp")
+    side = names["TcpDeployment"]()
+    wiring = side.wire(network)
+    assert wiring.options == {"laser": {"host": "10.0.0.2"}, "map": {"host": "10.0.0.1"}}
+    here, there = (f"{address}:{network.helper_port}" for address in network.addresses.values())
+    assert {each.host: each.options["copy"] for each in wiring.helpers} == {
+        "": {"listen": here, "from": [there]},
+        "robot": {"listen": there, "from": [here]},
+    }
+    assert [each.address for each in side.reached(wiring.helpers[0].options)] == [f"tcp://{here}"]
 
 
 @pytest.mark.tool  # needs nothing but time, to build and install it: `make test-tools` has more of it
