@@ -156,6 +156,13 @@ def _written(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in files}
 
 
+def test_each_decision_has_a_number_of_its_own() -> None:
+    pages = sorted((DOCS / "decisions").glob("[0-9]*.md"))
+    assert len({page.name[:3] for page in pages}) == len(pages)
+    for page in pages:
+        assert re.match(rf"# 0*{int(page.name[:3])}\.? ", page.read_text(encoding="utf-8")), page.name
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_examples_in_the_language_reference_are_right(language: str) -> None:
     page = DOCS / "reference" / "languages" / f"{language}.md"
