@@ -22,6 +22,7 @@ from .live import (
     add_waiting,
     awaited,
     components_named,
+    count,
     positive,
     reported,
     say,
@@ -75,6 +76,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     described.add_argument("name", nargs="?", default="", metavar="NAME")
     add_json(described)
     watched = command("watch", "print changes until Ctrl-C")
+    watched.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of changes")
     watched.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_json(watched)
     command("dump", "print the parameters as a file of ROS 2", "+")
@@ -203,6 +205,7 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
     component = at.one
     known = {each.name: each.value for each in at.settings(component)}
     revision: int | None = None
+    printed = 0
     begun = time.monotonic()
     while not options.seconds or time.monotonic() - begun < options.seconds:
         told = asking.measure(at.access, at.network, component, at.deadline)
@@ -215,6 +218,9 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
                     known[each.name] = each.value
                     line = json.dumps({"name": each.name, "value": params.typed(each)})
                     print(line if options.json else f"{each.name} = {each.value}", flush=True)
+                    printed += 1
+                    if printed == options.most:
+                        return FINE
         time.sleep(_LOOK)
     return FINE
 

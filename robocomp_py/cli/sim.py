@@ -19,7 +19,7 @@ _EXAMPLES = """\
 examples:
   rc sim new house.xml -o house      a component that provides every robot and sensor of the scene
   rc sim offers house.xml            the lines of the network that declare them
-  rc sim offers house.xml --ice      the same, with the ports at which programs of RoboComp ask
+  rc sim offers house.xml --ports    the same, with the ports at which programs of RoboComp ask
 
 Simulating needs `pip install 'robocomp-py[sim]'`; these commands do not.
 
@@ -41,7 +41,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     shown.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene")
     shown.add_argument(
-        "--ice",
+        "--ports",
         action="store_true",
         help="with the ports of the file, at which programs of RoboComp ask: one interface at each",
     )
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         tree = Tree.read(options.scene)
         found = offers(tree)
-        ports = at_ports(tree) if options.action == "offers" and options.ice else {}
+        ports = at_ports(tree) if options.action == "offers" and options.ports else {}
     except InnerModelError as exc:
         place = tree.place(exc.node) if exc.node else None
         return complain(f"rc sim: {f'{place}: ' if place else ''}{exc}")
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
 def _print_offers(found: dict[str, tuple[tuple[str, ...], int]], options: argparse.Namespace) -> None:
     if options.json:
         with_ports = {name: {"interfaces": each, "port": port} for name, (each, port) in found.items()}
-        print(json.dumps(with_ports if options.ice else {name: each for name, (each, _) in found.items()}))
+        print(json.dumps(with_ports if options.ports else {name: each for name, (each, _) in found.items()}))
         return
     for name, (interfaces, port) in found.items():
         print(f"offers {name} : {', '.join(interfaces)}{f' port {port}' if port else ''};")

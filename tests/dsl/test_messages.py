@@ -470,8 +470,8 @@ arm.pdsl:2:17: error[bad-default]: 5 is not from 0 to 2
         "net.ddsl",
         "Deployment net { Component arm { dependence leg; }; Component leg { }; };",
         """\
-net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `args`, `config`, `dependences`, `env`, \
-`existing`, `grace`, `host`, `ip` or …
+net.ddsl:1:34: error[syntax]: unexpected `dependence`; expected `allow`, `args`, `config`, \
+`dependences`, `env`, `existing`, `grace`, `host` or …
     Deployment net { Component arm { dependence leg; }; Component leg { }; };
                                      ^^^^^^^^^^
     did you mean `dependences`?""",
@@ -489,8 +489,8 @@ net.ddsl:1:30: error[syntax]: unexpected `;`; expected `{`
         "net.ddsl",
         "Deployment net { Component arm { escalation one_for_all; grace 5; }; };",
         """\
-net.ddsl:1:34: error[syntax]: unexpected `escalation`; expected `args`, `config`, `dependences`, `env`, \
-`existing`, `grace`, `host`, `ip` or …
+net.ddsl:1:34: error[syntax]: unexpected `escalation`; expected `allow`, `args`, `config`, \
+`dependences`, `env`, `existing`, `grace`, `host` or …
     Deployment net { Component arm { escalation one_for_all; grace 5; }; };
                                      ^^^^^^^^^^
     write it for the network or for a `System`""",
@@ -518,8 +518,8 @@ net.ddsl:1:34: error[not-a-program]: `arm` is a generated component, which repor
         "net.ddsl",
         'Deployment net { Host onboard { address "10.0.0.1"; }; };',
         """\
-net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`, `clock`, `escalation`, `host`, \
-`middleware`, `namespace`, `restart` or …
+net.ddsl:1:18: error[syntax]: unexpected `Host`; expected `Component`, `System`, `allow`, `clock`, `escalation`, \
+`host`, `middleware`, `namespace` or …
     Deployment net { Host onboard { address "10.0.0.1"; }; };
                      ^^^^
     did you mean `host`?""",

@@ -207,14 +207,14 @@ WITH_PORTS = (
 def test_offers_are_printed_with_the_ports_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "room.xml"
     path.write_text(WITH_PORTS)
-    assert rc(["sim", "offers", str(path), "--ice"]) == 0
+    assert rc(["sim", "offers", str(path), "--ports"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[:2] == ["offers base : DifferentialRobot port 10004;", "offers front : Laser port 10003;"]
     assert lines[-2:] == ["offers still : Laser, LaserPub;", "offers joints10067 : JointMotor port 10067;"]
-    assert rc(["sim", "offers", str(path), "--ice", "--json"]) == 0
+    assert rc(["sim", "offers", str(path), "--ports", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["front"] == {"interfaces": ["Laser"], "port": 10003}
     path.write_text(WITH_PORTS.replace("10003", "10004"))
-    assert rc(["sim", "offers", str(path), "--ice"]) == 1
+    assert rc(["sim", "offers", str(path), "--ports"]) == 1
     assert "room.xml:5:40: `front`: port 10004 is that of `base`, too" in capsys.readouterr().err
 
 

@@ -56,7 +56,7 @@ def test_a_client_in_slice_asks_the_devices_at_the_ports_of_the_scene(tmp_path: 
     laser, motors = freeports.free_port(), freeports.free_port()
     (tmp_path / "room.xml").write_text(SCENE.format(laser=laser, motors=motors))
     run(tmp_path, "rc", "sim", "new", "room.xml", "-o", "house", "--middleware", "ice")
-    offers = run(tmp_path, "rc", "sim", "offers", "room.xml", "--ice")
+    offers = run(tmp_path, "rc", "sim", "offers", "room.xml", "--ports")
     (tmp_path / "visit.ddsl").write_text(NETWORK.format(offers=offers))
     for name in ("Laser", "JointMotor"):
         run(tmp_path, "rcgen", str(SHIPPED / f"{name}.idsl"), "--to", "slice", "-o", ".")
