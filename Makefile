@@ -53,7 +53,7 @@ docs: .venv/ready  ## build the documentation as a site: open site/index.html; i
 
 test-tools: .venv/ready  ## tests that need programs which .ci/run installs
 	$(BIN)/python tests/interop/ice/expose.py .venv
-	$(BIN)/pytest -m tool $(ARGS)
+	$(BIN)/pytest -m tool --timeout 400 $(ARGS)  # they run beside others in CI
 
 vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer
 	cd editors/vscode && npm ci && npm run check && npm test && npm run package

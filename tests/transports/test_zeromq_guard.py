@@ -128,12 +128,18 @@ def test_a_flood_of_subscriptions_is_cut_off_and_logged_once(hosts: Hosts, caplo
     viewer.inlet(NEWS, got.append)
     assert outlet.wait_peer(SOON)
     [(_, entry)] = viewer.directory.find("publishes", NEWS.name)
-    for _ in range(3):
+    told = f"it subscribed with more than {SUBSCRIBED // 1024} KiB"
+
+    def is_told_of_a_flood() -> bool:
         with contextlib.closing(strangers.connection(port_of(entry.address), b"XSUB")) as stranger:
             sent, closed = strangers.pour(stranger, strangers.subscriptions, 64 * MIB)
         assert closed, f"not after {sent} octets"
-    told = f"it subscribed with more than {SUBSCRIBED // 1024} KiB"
-    wait_until(lambda: told in caplog.text)
+        return told in caplog.text
+
+    # on a busy machine, a connection may end before the guard has looked at it
+    wait_until(is_told_of_a_flood, 6 * SOON)
+    for _ in range(2):
+        is_told_of_a_flood()
     assert caplog.text.count(told) == 1
     outlet.send([b"\x92\x01\xa5hello"])
     wait_until(lambda: bool(got))
