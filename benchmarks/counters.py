@@ -1,6 +1,6 @@
 """Measures what the counters of operations cost: a query through proxy and handler with them, and without.
 
-Both are measured in turn, in one run. Without means the same code but for the counters and for those who watch calls;
+Both are measured in turn, in one run. Without means the same code but for the counters and the watching of calls;
 it is written out here, so a change of `BoundQuery.ask` or `BoundHandler.serve` has to be made here, too.
 """
 

@@ -42,7 +42,7 @@ examples:
   rc echo GotoPoint --calls                     its queries and commands, as those tell that call them
   rc echo GotoPoint --calls --served            ... as the server tells
 
-A call is printed once it has ended: who called, how it ended, how long that took, its arguments and its results. Calls
+A call is printed once it has ended: its caller, how it ended, how long that took, its arguments and its results. Calls
 are told only while this command runs, by components that ran when it began.
 A condition is a path, one of = != < <= > >=, and a value. With [*] in the path, one item that fits is enough.
 Long sequences are cut, unless --full, --csv or --json is given. No publisher waits for this command.

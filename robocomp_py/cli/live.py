@@ -154,7 +154,7 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts | None = None) -> l
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:
-    """The components that these names mean, whole ones or last parts; all if there are none. Raises Absent."""
+    """The components that these names mean, whole or by their last parts; without names, all. Raises Absent."""
     if not wanted:
         return list(known)
     from ..spelling import unknown

@@ -40,7 +40,7 @@ def add_filters(to: argparse.ArgumentParser) -> None:
         metavar="LEVEL",
         help=f"only log records of this level or above: {', '.join(LEVELS)}; leaves out what was printed",
     )
-    to.add_argument("--since", type=_ago, metavar="TIME", help="only lines of the last so many seconds, or 10m, 2h, 1d")
+    to.add_argument("--since", type=_ago, metavar="TIME", help="only lines since then: 30 (seconds ago), 10m, 2h or 1d")
     to.add_argument(
         "--grep", type=_pattern, metavar="REGEX", help="only lines whose text contains a regular expression"
     )

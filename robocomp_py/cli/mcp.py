@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import shlex
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -85,7 +87,8 @@ def _serve(options: argparse.Namespace) -> int:
     network = network_of(options.network)
     plan = running_plan(network)
     if plan is None:
-        raise Absent(f"network `{network}` does not run here; start it: rcdeploy up {options.network}")
+        file = shlex.quote(options.network) if os.path.isfile(options.network) else "FILE.ddsl"
+        raise Absent(f"network `{network}` does not run here; start it: rcdeploy up {file}")
     permissions = permissions_of(plan)
     logs, write = _log(network)
     try:

@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _network(options: argparse.Namespace) -> str:
-    """The name of the network; "" if there is none. Raises RobocompError."""
+    """The name of the network; "" without a network. Raises RobocompError."""
     from ..deploy.client import network_of, networks
     from ..errors import ConfigurationError
 

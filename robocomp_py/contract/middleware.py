@@ -41,7 +41,7 @@ def carrier(middleware: str | None, generated_for: str) -> str:
 
 
 def generated_for(folder: Path) -> str:
-    """The choice in a component's generic part: a middleware, or auto; "" if there is none."""
+    """The choice in a component's generic part: a middleware, or auto; "" if it names neither."""
     try:
         text = (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace")
     except OSError:

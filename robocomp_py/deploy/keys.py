@@ -9,7 +9,7 @@
         curve.key  curve.key_secret
         admitted/CLIENT.key       public keys of its clients, with the channels that they use
         peers/PROVIDER.key        those of the instances that it uses, likewise
-      operator@/                  likewise, for tools; only if asked for
+      operator@/                  the same for tools; made only by `--operator`
       router@HOST/                for each host with a helper (`router@` on the machine that launches)
         ca.pem  certificate.pem  key.pem
 

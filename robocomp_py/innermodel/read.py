@@ -167,7 +167,7 @@ def read(path: Path, *, prefixes: Mapping[str, Path] | None = None, reading: Rea
 
 
 def found_file(written: str, folder: Path, prefixes: Mapping[str, Path]) -> Path | None:
-    """The file that a path in a file of this folder means; None if there is none."""
+    """The file that a path in a file of this folder means; None if no such file exists."""
     if not written or not written.isprintable():
         return None
     candidates = [folder / written]

@@ -132,7 +132,7 @@ class Tree:
         return len(self._nodes)
 
     def node(self, name: str) -> Node:
-        """What a node is now. Raises InnerModelError if there is none."""
+        """What a node is now. Raises InnerModelError for an unknown id."""
         with self._lock:
             node = self._found(name)
             parent = node.parent.id if node.parent else ""

@@ -94,7 +94,7 @@ _ClockControl_step: Operation[int] = Operation(
     "step",
     inputs=(Field("seconds", FLOAT64),),
     outputs=(Field("ret", TIME),),
-    doc="Let so many seconds pass, and then stand still. Returns the time at which it will. In lock-step they pass as\nfast as possible, otherwise at the speed.",  # noqa: E501, RUF100
+    doc="Let this time pass, and then stand still. Returns the time at which the clock will stop. In lock-step they pass as\nfast as possible, otherwise at the speed.",  # noqa: E501, RUF100
 )
 _ClockControl_setSpeed: Operation[None] = Operation(
     "RoboCompClock::ClockControl",

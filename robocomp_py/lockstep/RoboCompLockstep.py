@@ -185,7 +185,7 @@ _LockstepFollower_line: Operation[str] = Operation(
     "line",
     outputs=(Field("ret", STRING),),
     idempotent=True,
-    doc="The address of a socket over which it is asked more quickly. Empty if there is none.",  # noqa: E501, RUF100
+    doc="The address of a socket over which the leader asks faster. Empty: the leader asks by queries.",  # noqa: E501, RUF100
 )
 LOCKSTEPFOLLOWER_INTERFACE = Interface(
     "RoboCompLockstep::LockstepFollower",
@@ -308,8 +308,8 @@ class LockstepFollowerProxy(Proxy):
         return self._ask_async(_LockstepFollower_counters, (), deadline)
 
     def line(self, *, deadline: float | None = None) -> str:
-        """The address of a socket over which it is asked more quickly. Empty if there
-        is none.
+        """The address of a socket over which the leader asks faster. Empty: the leader
+        asks by queries.
 
         IDSL: idempotent string line()
         """

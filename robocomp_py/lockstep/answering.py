@@ -109,7 +109,7 @@ class Answering:
         self._lock = threading.Lock()
         self._connected: socket.socket | None = None
         self._poll: Callable[[float], list[tuple[int, int]]] = lambda timeout: []
-        """Waits for a question, or for the alarm, at most so many milliseconds."""
+        """Waits for a question, or for the alarm, at most for this time in milliseconds."""
         self._is_wanted = False
         """Whether the loop would like to receive."""
         self._is_lent = False

@@ -25,7 +25,7 @@ class Followed:
         """`is_free` returns whether nobody moves the clock now: the component is starting, or ending."""
         self._is_free = is_free
         self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
-        """Waits for an event at most so many seconds, as its `wait`, and may do something useful in the meantime."""
+        """Waits for an event like its `wait`, with a time limit in seconds, and may do other work in the meantime."""
         self._now = 0
         self._changed = threading.Lock()
         self._news = threading.Lock()

@@ -63,7 +63,7 @@ class _Asked(Asked, Protocol):
 
 
 class _Far:
-    """A follower in another process: asked over a socket, or by queries if there is none."""
+    """A follower in another process. It is asked over its socket; without a socket, by queries."""
 
     def __init__(self, proxy: LockstepFollowerProxy, close: Callable[[], None]) -> None:
         """`close` closes the proxy."""

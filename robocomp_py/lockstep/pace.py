@@ -72,7 +72,7 @@ class Pace:
             self._changed.notify_all()
 
     def step(self, seconds: float) -> int:
-        """Let so many seconds pass, and then pause. Returns the time at which that will be.
+        """Let this time pass, in seconds, and then pause. Returns the time at which that will be.
 
         A step during a step is added to it. Raises ValueError for a duration that cannot be.
         """

@@ -74,7 +74,7 @@ _OK = Status.OK
 """A global name: to look up a member of an enumeration takes longer than to read the clock."""
 
 _TAKEN, _FAILED = Reply(Status.OK), Reply(Status.FAILED)
-"""The outcomes of a command, for those who watch calls."""
+"""The outcomes of a command, as `watch` tells them."""
 
 
 class Watches(Protocol):

@@ -1,6 +1,6 @@
 """Counts what goes through the ports of a component: always, since it costs two clock reads and an increment.
 
-A tally belongs to one operation over one middleware, at one end. Its numbers only grow; who wants rates takes
+A tally belongs to one operation over one middleware, at one end. Its numbers only grow; for rates, a tool takes
 differences. They may lag behind while two threads of the user's own call at once.
 
 When a component ends, and $ROBOCOMP_TALLY names a folder, it writes `<namespace>.<instance>.json` there: a list of

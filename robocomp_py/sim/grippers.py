@@ -50,7 +50,7 @@ def made(
 
 
 def nearest(gripper: Gripper, model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    """The id of the nearest body that it reaches; "" if there is none."""
+    """The id of the nearest body within reach; "" if no body is within reach."""
     found, least = "", gripper.reach
     for name, shapes in gripper.bodies.items():
         for one in gripper.shapes:

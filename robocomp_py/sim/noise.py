@@ -1,4 +1,6 @@
-"""Noise that depends on a seed, a node, a quantity and a tick; not on who asks, how often, or in which order.
+"""Noise that depends on a seed, a node, a quantity and a tick.
+
+It does not depend on the caller, on how often it is asked, or on the order.
 
 The generator is Philox, whose numbers are a function of a key and a counter (Salmon et al., "Parallel random numbers:
 as easy as 1, 2, 3", SC 2011). The key is a hash of the names, and the counter is the tick.

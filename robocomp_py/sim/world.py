@@ -851,7 +851,7 @@ class World:
 
 
 def _slides(world: World, joint: str) -> bool | None:
-    """Whether a joint slides; None if there is none."""
+    """Whether a joint slides; None for a node that is not a joint."""
     found = world._scene.joints.get(joint)
     return found.slides if found else None
 

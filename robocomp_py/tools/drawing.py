@@ -25,7 +25,7 @@ _FINEST = 4000
 """Points of a curve. Of more, the smallest and the largest of neighbours are drawn."""
 
 _FEW = 50
-"""Up to so many points, each is marked."""
+"""Maximum number of points of which each is marked."""
 
 _BARS = 60
 

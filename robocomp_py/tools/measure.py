@@ -108,7 +108,7 @@ def load(component: str, now: Measures, before: Measures | None = None, about: D
 
 
 def percentile(durations: Sequence[float] | Durations, part: float) -> float:
-    """The smallest of these that at least this part of them do not exceed; NaN if there are none."""
+    """The smallest of these that at least this part of them do not exceed; NaN without values."""
     ordered = np.sort(np.asarray(durations, float))
     return float(ordered[max(0, math.ceil(part * len(ordered)) - 1)]) if len(ordered) else math.nan
 

@@ -14,9 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("mcp")
-
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 
@@ -255,7 +252,7 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any])
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (["nothing"], "network `nothing` does not run here; start it: rcdeploy up nothing"),
+        (["nothing"], "network `nothing` does not run here; start it: rcdeploy up FILE.ddsl"),
         (["missing.ddsl"], "missing.ddsl cannot be read"),
     ],
 )

@@ -441,7 +441,7 @@ def clause_type(name: str, block: Block | None = None) -> ClauseType:
 
 
 def beginning(word: str) -> ClauseType | None:
-    """The clause that a word begins; None if there is none."""
+    """The clause that a word begins; None for any other word."""
     return next((each for each in CLAUSES if word in each.explained), None)
 
 

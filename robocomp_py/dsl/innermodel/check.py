@@ -17,7 +17,7 @@ _START_AT_MOST = 4096
 
 
 def is_innermodel(path: Path) -> bool:
-    """Whether an XML file is an InnerModel; other XML is not ours. A file that cannot be read is none."""
+    """Whether an XML file is an InnerModel. False for other XML, and for a file that cannot be read."""
     try:
         with path.open("rb") as file:
             return path.suffix.lower() == ENDING and bool(_START.search(file.read(_START_AT_MOST)))

@@ -46,7 +46,7 @@ class Pace:
         return max(due, 0)
 
     def set_speed(self, factor: float, now: int, ticks: int) -> None:
-        """Follow the clock at another factor from now on. Raises ValueError for one that is none."""
+        """Follow the clock at another factor from now on. Raises ValueError for a factor outside of 0 to 1000."""
         if not math.isfinite(factor) or not 0.0 <= factor <= 1000.0:
             raise ValueError(f"a speed of {factor:g}: it is from 0, for as fast as possible, to 1000")
         self.speed = factor

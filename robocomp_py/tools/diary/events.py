@@ -72,7 +72,7 @@ class DiaryWriter:
         self._heads: dict[tuple[str, str], bytes] = {}
 
     def write(self, kind: str, turn: int, call: str = "", data: bytes | None = NO_DATA, **more: Any) -> None:
-        """Note an event. `data` is CDR, None if there is none because the values were wrong; `more` becomes JSON."""
+        """Note an event. `data` is CDR, or None if the values could not be encoded; `more` becomes JSON."""
         head = self._heads.get((kind, call)) or self._head(kind, call)
         rest = b""
         if data:

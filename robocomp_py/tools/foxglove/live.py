@@ -46,7 +46,7 @@ class Track:
         self._bridge.put(_Waiting(self, payload, stamp or time.time_ns()))
 
     def show(self, payload: Payload, stamp: int) -> None:
-        """Send it to those who look at it, on the thread that calls."""
+        """Publish it to its subscribers, on the thread that calls."""
         try:
             data = bytes(self.convert(payload))
             values = self._decode(data) if self._converters else ()

@@ -80,7 +80,7 @@ def fitted(value: Any, most: int) -> tuple[str, bool]:
 
 
 def _cut(value: Any, items: int) -> Any:
-    """The same with at most so many items in each array and object."""
+    """The same with at most `most` items in each array and object."""
     match value:
         case dict():
             kept = {str(key): _cut(each, items) for key, each in list(value.items())[: max(items, 30)]}

@@ -3,7 +3,7 @@
     /wander/GotoPoint/go/calls   robocomp_goto_point/msg/GotoPointGoCall: info, request[], response[]
     /rosout                      rcl_interfaces/msg/Log, as ROS 2 writes it
 
-`request` and `response` have one item; `response` has none for commands and calls that failed. `info` says who called,
+`request` and `response` have one item; `response` has none for commands and calls that failed. `info` names the caller,
 over which middleware, when, for how long, and how it ended. The metadata of a channel of calls also has
 
     calls                  `query` or `command`

@@ -127,7 +127,7 @@ class Recording:
         self.topics = dict(sorted(self.topics.items()))
         filled = [each for each in self.files if each.messages]
         self.start = min((each.start for each in filled), default=0)
-        """Of the first message; 0 if there is none."""
+        """Of the first message; 0 without messages."""
         self.end = max((each.end for each in filled), default=0)
         self.attachments = [each for file in self.files for each in file.attachments]
         """Their names and sizes."""

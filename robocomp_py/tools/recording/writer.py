@@ -1,4 +1,4 @@
-"""Records while messages arrive: whoever receives only puts them into a queue, and one thread writes.
+"""Records while messages arrive: the receiving threads only put them into a queue, and one thread writes.
 
 The queue is bounded in octets. What does not fit is dropped and counted, so the disk never holds up the network. Once a
 second all is given to the operating system, and every ten seconds another thread asks it to write to the disk.

@@ -32,7 +32,7 @@ _SETTLING = 0.5
 """Seconds that further subscribers have to appear once there is one."""
 
 _HEARS = {Pattern.PUBLISH: "subscribes", Pattern.COMMAND: "receives"}
-"""The role of those to whom a message is sent."""
+"""The role of the receivers of a message."""
 
 _DIFFERENCES = 3
 """Differences of contracts that are told."""
