@@ -693,18 +693,25 @@ class _Planner:
 
     def _is_placed(self, ordered: Mapping[str, Sequence[Node]]) -> bool:
         """Whether the host of every instance is known."""
-        known = {"", *(host.name for host in placing.hosts_of(self._model, self._model.instances))}
+        known = self._known_hosts()
         return all(node.host in known for together in ordered.values() for node in together)
+
+    def _known_hosts(self) -> set[str]:
+        """The names of the hosts that exist and have an address; "" is this host."""
+        return {"", *(host.name for host in placing.hosts_of(self._model, self._model.instances))}
 
     def _check_security(self, nodes: Sequence[Node]) -> None:
         """Whether the security of the network allows everything that instances open."""
         allowed = placing.security(self._model)
         ways, wired = self._choice.ways, self._wiring
         openings = list(security.openings_of(self._configured, self._choice.carriers, wired.settings))
-        hosts = {node.name: node.host for node in nodes}
-        crossing = [way for way in ways if hosts[way.client] != hosts[way.provider]]
-        for way in crossing:
+        hosts, known = {node.name: node.host for node in nodes}, self._known_hosts()
+        crossing = []
+        for way in ways:
             between = {hosts[way.client], hosts[way.provider]}
+            if len(between) == 1 or not between <= known:  # of an unknown host, that alone is told
+                continue
+            crossing.append(way)
             used = [each for each in wired.helpers if each.middleware == way.middleware and each.host in between]
             openings += [security.Opening(way.client, way.middleware, each.options) for each in used]
         faults = worth_telling(security.faults(allowed, openings, ways, crossing))

@@ -744,7 +744,8 @@ def test_topics_without_subscribers_take_no_descriptors_and_no_shared_memory(her
     for outlet in outlets:
         outlet.send(blob(here, b"unheard"))
     assert segments() == before
-    assert len(list(Path("/proc/self/fd").iterdir())) <= descriptors  # fewer, if garbage of other tests was collected
+    # Threads of other tests may open a file meanwhile, and garbage of other tests may be collected.
+    assert len(list(Path("/proc/self/fd").iterdir())) < descriptors + len(outlets) // 8
 
 
 def test_a_latched_topic_keeps_what_was_sent_before_its_first_subscriber(

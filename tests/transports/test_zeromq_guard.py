@@ -76,7 +76,7 @@ def test_a_guard_without_a_thread_is_an_error_and_leaves_nothing_open(
     monkeypatch.setattr(guard, "start_thread", lambda thread: False)
     with pytest.raises(TransportError, match="no thread can be started"):
         hosts.user("viewer", with_keys=False)
-    assert len(os.listdir("/proc/self/fd")) == before
+    wait_until(lambda: len(os.listdir("/proc/self/fd")) <= before)  # fewer, if garbage of other tests was collected
 
 
 def test_a_socket_that_comes_while_the_transport_closes_does_not_keep_the_context_open() -> None:
