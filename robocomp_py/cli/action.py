@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, INTERRUPTED, USAGE, WRONG, print_table
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import (
     Absent,
     add_json,
@@ -30,9 +31,9 @@ from .live import (
 if TYPE_CHECKING:
     from ..actions.goal import Goal
     from ..contract.action import Action, GoalState
-    from ..tools.access import Access
     from ..tools.actions import Offered
     from ..tools.network import Network
+    from .hosts import Hosts
 
 NAME = "action"
 HELP = "begin, watch and cancel goals of actions"
@@ -85,6 +86,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     for each in (info, send, cancel):
         add_waiting(each)
     for each in (listing, info, send, cancel):
+        add_hosts(each)
         add_middleware(each)
     for each in (listing, send):
         add_json(each)
@@ -92,16 +94,15 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     does = {"list": _list, "info": _info, "send": _send, "cancel": _cancel}
-    with reported(f"rc action {options.does}") as code:
-        return does[options.does](options)
+    with reported(f"rc action {options.does}") as code, hosts_of(options) as hosts:
+        return does[options.does](options, hosts)
     return code()
 
 
-def _list(options: argparse.Namespace) -> int:
+def _list(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..tools.actions import offered
-    from ..tools.census import take_census
 
-    found = offered(take_census(options.middleware)).values()
+    found = offered(hosts.census(options.middleware)).values()
     rows = []
     for each in found:
         provided = list(dict.fromkeys(end.told.owner or "?" for end in each.start.providers))
@@ -113,16 +114,15 @@ def _list(options: argparse.Namespace) -> int:
     if rows and not options.json:
         print_table(("action", "over", "provided by", "used by"), rows, wrapped=("provided by", "used by"))
     if not rows:
-        print("rc action list: no action is offered on this host", file=sys.stderr)
-    return FINE if rows else WRONG
+        print(f"rc action list: no action is offered {'there' if hosts.posts else 'on this host'}", file=sys.stderr)
+    return hosts.code(FINE if rows else WRONG)
 
 
-def _info(options: argparse.Namespace) -> int:
-    from ..tools.access import Access
+def _info(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..tools.actions import told
     from .info import end_line
 
-    offered = _awaited(options)
+    offered = _awaited(options, hosts)
     action = _action_of(offered)
     print(f"{offered.name}: action")
     for line in told(action):
@@ -130,28 +130,27 @@ def _info(options: argparse.Namespace) -> int:
     for word, ends in (("served", offered.start.providers), ("used", offered.start.users)):
         for end in ends:
             print(f"  {word} by {end_line(end)}")
-    with Access() as access:
-        known = _goals(access, offered)
+    known = _goals(offered)
     for goal, state in known.items():
         print(f"  goal {goal.hex()}: {state.name}")
     return FINE
 
 
-def _cancel(options: argparse.Namespace) -> int:
+def _cancel(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..contract.action import GoalState
     from ..tools.access import Access
 
-    offered = _awaited(options)
+    offered = _awaited(options, hosts)
     action = _action_of(offered)
+    known = _goals(offered)
+    wanted = {goal: state for goal, state in known.items() if goal.hex().startswith(options.goal.lower())}
+    active = [goal for goal, state in wanted.items() if not state.is_over]
+    if not active:
+        raise Absent(_no_goal(offered.name, options.goal, wanted))
+    if options.goal and len(active) > 1:
+        listed = ", ".join(each.hex()[:8] for each in active)
+        raise Absent(f"`{options.goal}` may be {listed}; write more of the id")
     with Access() as access:
-        known = _goals(access, offered)
-        wanted = {goal: state for goal, state in known.items() if goal.hex().startswith(options.goal.lower())}
-        active = [goal for goal, state in wanted.items() if not state.is_over]
-        if not active:
-            raise Absent(_no_goal(offered.name, options.goal, wanted))
-        if options.goal and len(active) > 1:
-            listed = ", ".join(each.hex()[:8] for each in active)
-            raise Absent(f"`{options.goal}` may be {listed}; write more of the id")
         for goal in active:
             (state,) = access.ask(offered.parts["cancel"], (list(goal),), options.timeout)
             print(f"{action.name} {goal.hex()[:8]}: {GoalState(state).name}")
@@ -165,7 +164,7 @@ def _no_goal(name: str, given: str, known: dict[bytes, GoalState]) -> str:
     return f"{name} has no goal {given}" if given else f"{name} has no goal that could be cancelled"
 
 
-def _send(options: argparse.Namespace) -> int:
+def _send(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..client.goals import Action as Sending
     from ..client.session import Session
     from ..tools import asking
@@ -173,7 +172,7 @@ def _send(options: argparse.Namespace) -> int:
     from ..tools.network import TOOL
     from ..wire import json as values
 
-    network, offered = awaited(options, lambda network: (network, _picked(network, options)))
+    network, offered = awaited(options, lambda network: (network, _picked(network, options)), hosts)
     action = _action_of(offered)
     with Access() as access:
         about = asking.about(access, network, offered.start)
@@ -288,9 +287,9 @@ def _say(options: argparse.Namespace, text: str, **told: str) -> None:
         print(text, file=sys.stderr if not told else sys.stdout, flush=True)
 
 
-def _awaited(options: argparse.Namespace) -> Offered:
+def _awaited(options: argparse.Namespace, hosts: Hosts) -> Offered:
     """The action of this name, once it is there. Raises Absent."""
-    return awaited(options, lambda network: _picked(network, options))
+    return awaited(options, lambda network: _picked(network, options), hosts)
 
 
 def _picked(network: Network, options: argparse.Namespace) -> Offered:
@@ -305,21 +304,13 @@ def _action_of(offered: Offered) -> Action:
     return action_of(offered.name, {part: each.operation for part, each in offered.parts.items()})
 
 
-def _goals(access: Access, offered: Offered) -> dict[bytes, GoalState]:
+def _goals(offered: Offered) -> dict[bytes, GoalState]:
     """The goals that the server of an action tells; none if it has never had one."""
     from ..tools.actions import goals
-
-    told: queue.Queue[Any] = queue.Queue(1)
-
-    def note(payload: Any) -> None:
-        if not told.full():
-            told.put_nowait(payload)
+    from ..tools.tap import tap
+    from ..wire import json as values
 
     channel = offered.parts["status"]
-    heard = access.hear(channel, note, 1)
-    try:
-        payload = told.get(timeout=_LATCHED)
-    except queue.Empty:
-        return {}
-    octets, states = heard.codec.decoder(channel.operation.request)(payload)
-    return goals(bytes(octets), bytes(states))
+    with tap([channel]) as tapping:
+        message = tapping.take(_LATCHED)
+    return goals(*map(bytes, values.taken(channel.operation.inputs, message.message, channel.name))) if message else {}

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import time
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
     TOPIC,
-    Absent,
     add_middleware,
     add_request,
     add_waiting,
@@ -52,23 +51,27 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="how many messages (default: one)")
     add_yes(to)
     add_waiting(to)
+    add_hosts(to)
     add_middleware(to)
 
 
 def run(options: argparse.Namespace) -> int:
-    with reported("rc pub") as code:
+    with reported("rc pub") as code, hosts_of(options) as hosts:
 
         def pick(network: Network) -> tuple[Network, Channel]:
-            return network, network.topic(options.topic)
+            channel = network.topic(options.topic)
+            if hosts.posts and options.arguments and not channel.users:  # it may get one on any host
+                raise ValueError(f"nothing subscribes to {channel.name}")
+            return network, channel
 
-        return _publish(*awaited(options, pick), options)
+        return _publish(*awaited(options, pick, hosts), options)
     return code()
 
 
 def _publish(network: Network, channel: Channel, options: argparse.Namespace) -> int:
     from ..tools import asking
     from ..tools.access import Access
-    from ..transports.base import wait_connected
+    from ..tools.publishing import publish
 
     with Access() as access:
         told = asking.about(access, network, channel)
@@ -77,16 +80,6 @@ def _publish(network: Network, channel: Channel, options: argparse.Namespace) ->
             return USAGE
         if refused := allowed(channel, told, "rc pub", yes=options.yes):
             return refused
-        outlet, call = access.outlet(channel)
-        if not outlet.wait_peer(options.timeout):
-            raise Absent(f"nothing subscribes to {channel.name}")
-        if not wait_connected(outlet, options.timeout):
-            raise Absent(f"the subscribers of {channel.name} could not be reached in {options.timeout:g} s")
         most = options.most or (None if options.rate else 1)
-        begun, sent = time.monotonic(), 0
-        while True:
-            outlet.send(call.encode(taken))
-            sent += 1
-            if sent == most:
-                return FINE
-            time.sleep(max(0.0, begun + sent / (options.rate or 1.0) - time.monotonic()))
+        publish(access, channel, taken, options.timeout, rate=options.rate, most=most)
+        return FINE

@@ -21,7 +21,7 @@ from ..tools.network import Channel
 from ..transports import base
 from ..transports.base import Caller, Outlet, Transport
 from .links import path_of
-from .values import empty, fitted, record
+from .values import empty, fitted, record_of
 
 if TYPE_CHECKING:
     from .hearing import Hearing, Listening
@@ -159,7 +159,7 @@ class Asking:
         self._call: Call[Any] = Call(operation, self._transport.codec)
         path = path_of(channel, operation)
         self._caller: Caller = session.opened(lambda: self._transport.caller(path), lambda made: made.close())
-        self._outputs = record(operation.response.name, operation.outputs) if len(operation.outputs) > 1 else None
+        self._outputs = record_of(operation)
 
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         limit = DEADLINE if deadline is None else deadline
@@ -175,10 +175,7 @@ class Asking:
 
     def _result(self, reply: base.Reply) -> Any:
         value = self._call.result(reply)
-        if self._outputs is None:
-            return value
-        assert self._outputs.python is not None
-        return self._outputs.python(*value)
+        return self._outputs(*value) if self._outputs else value
 
 
 DEADLINE = 5.0

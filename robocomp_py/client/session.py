@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import threading
 from collections.abc import Callable, Sequence
@@ -41,7 +42,8 @@ class Session:
         self.timeout, self._owner = timeout, owner
         self.types = Types()
         self._lock = threading.RLock()
-        self._transports: dict[str, Transport] = {}
+        self._transports: dict[tuple[str, str], Transport] = {}
+        """By the middleware and its options."""
         self._kept: dict[str, Any] = {}
         self._end = contextlib.ExitStack()
         self._ended = threading.Event()
@@ -118,15 +120,17 @@ class Session:
 
     def transport(self, channel: Channel) -> Transport:
         """The transport over which a channel is reached."""
-        middleware = channel.middlewares[0]
+        middleware, options = channel.middlewares[0], channel.options
+        key = middleware, json.dumps(options, sort_keys=True, default=str)
         with self._lock:
             self.check_open()
-            if middleware not in self._transports:
+            if key not in self._transports:
                 self._watch()
-                self._transports[middleware] = self.opened(
-                    lambda: find_transport(middleware)(TransportConfig(owner=self._owner)), lambda made: made.close()
+                config = TransportConfig(options, owner=self._owner)
+                self._transports[key] = self.opened(
+                    lambda: find_transport(middleware)(config), lambda made: made.close()
                 )
-            return self._transports[middleware]
+            return self._transports[key]
 
     def _watch(self) -> None:
         if self._closer is None:

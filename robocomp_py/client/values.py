@@ -186,6 +186,12 @@ def record(name: str, fields: tuple[Field, ...]) -> Struct:
     return made
 
 
+def record_of(operation: Operation[Any]) -> Any:
+    """The class of what an operation returns, if it has several outputs."""
+    outputs = operation.outputs
+    return record(operation.response.name, outputs).python if len(outputs) > 1 else None
+
+
 def _check(name: str, fields: Sequence[Field]) -> None:
     """Refuse names that cannot be attributes, or that mean something to Python."""
     seen: set[str] = set()

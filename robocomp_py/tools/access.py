@@ -29,7 +29,7 @@ from ..transports.base import (
 )
 from ..wire.codec import Codec, Payload
 from . import far
-from .network import TOOL, Channel
+from .network import TOOL, Channel, Way
 from .thrown import ThrownError as ThrownError
 
 
@@ -128,11 +128,11 @@ class Access:
         finally:
             outlet.close()
 
-    def outlet(self, channel: Channel) -> tuple[Outlet, Call[Any]]:
+    def outlet(self, channel: Channel, way: Way | None = None, qos: QoS | None = None) -> tuple[Outlet, Call[Any]]:
         """A link that sends commands or publications, and what encodes them. Publications reach the visible subscribers
         once `base.wait_connected` has returned."""
-        transport = self._of(channel)
-        return transport.outlet(_path(channel, channel.qos)), Call(channel.operation, transport.codec)
+        transport = self._transport(way.middleware, way.options) if way else self._of(channel)
+        return transport.outlet(_path(channel, qos or channel.qos)), Call(channel.operation, transport.codec)
 
     def sender(
         self, middleware: str, name: str, pattern: Pattern, operation: Operation[Any], qos: QoS

@@ -45,6 +45,8 @@ def offered(network: Network) -> dict[str, Offered]:
 def named(network: Network, name: str) -> Offered:
     """The only action that a name means: `arm/Navigation/goTo`, or a part of it. Raises ValueError."""
     known = offered(network)
+    if whole := known.get(name.strip("/")):
+        return whole
     wanted = f"/{name.strip('/')}/"
     found = [each for whole, each in known.items() if wanted in f"/{whole}/"]
     if len(found) == 1:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..contract import told
 from ..contract.interface import Operation, Pattern
@@ -60,6 +60,16 @@ class End:
         return self.told.role in PROVIDERS
 
 
+class Way(NamedTuple):
+    """How to send to users of a channel."""
+
+    middleware: str
+    via: Post | None
+    """The scout that sends; None if this process does."""
+    options: Mapping[str, Any]
+    """With which this process opens the middleware."""
+
+
 @dataclass
 class Channel:
     """A channel by its full name, with all its ends. Ends that name no instance belong to no channel of their own."""
@@ -100,6 +110,17 @@ class Channel:
     def options(self) -> Mapping[str, Any]:
         """With which this process opens the first of its middlewares."""
         return next((each.options for each in self.providers or self.users if each.via is None), {})
+
+    @property
+    def ways(self) -> list[Way]:
+        """Those that together reach all of its users, each process once; without users, that of a provider."""
+        nearest = {_process(each): each for each in reversed(self.users or self.providers[:1])}
+        found: list[Way] = []
+        for each in reversed(nearest.values()):
+            way = Way(each.middleware, each.via, each.options)
+            if way not in found:
+                found.append(way)
+        return found
 
     @property
     def texts(self) -> dict[int, str]:
@@ -197,8 +218,11 @@ class Network:
     def named(self, name: str) -> list[Channel]:
         """The channels that a name means: `world/LaserPub/pushLaserData` or a part of it between slashes.
 
-        Raises ValueError if no channel has this name; the text has the closest name.
+        A whole name means only its own channel. Raises ValueError if no channel has this name; the text has the closest
+        name.
         """
+        if whole := self.channels.get(name.strip("/")):
+            return [whole]
         wanted = name.strip("/").split("/")
         found = [each for each in self.channels.values() if _contains(each.name.split("/"), wanted)]
         if not found:
@@ -256,7 +280,7 @@ def _is_understood(told: Told) -> bool:
 def _printable(end: End) -> End:
     """Its owner is named to people, and may call itself anything."""
     owner = end.told.owner
-    return end if owner.isprintable() else End(end.middleware, end.told._replace(owner=one_line(owner)))
+    return end if owner.isprintable() else replace(end, told=end.told._replace(owner=one_line(owner)))
 
 
 def _is_any(channel: str) -> bool:

@@ -12,7 +12,18 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any, Protocol
 
-from ..errors import DeploymentError, HostUnreachable, RobocompError
+from ..errors import (
+    Busy,
+    Closed,
+    ContractMismatch,
+    DeploymentError,
+    HostUnreachable,
+    Refused,
+    RobocompError,
+    Timeout,
+    Unreachable,
+    UnsupportedQoS,
+)
 from ..threads import start_thread
 from ..transports.census import Told
 from .network import End
@@ -71,7 +82,7 @@ class Post:
                 if isinstance(answer, RobocompError):
                     raise answer
                 if "error" in answer:
-                    raise ScoutError(str(answer["error"]))
+                    raise failure(answer)
                 if answer.get("end"):
                     return found
                 if "dropped" in answer:
@@ -106,6 +117,17 @@ class Post:
 
 class ScoutError(RobocompError):
     """A scout could not do what it was asked for; the message is its own."""
+
+
+_KINDS = {
+    each.__name__: each for each in (Busy, Closed, ContractMismatch, Refused, Timeout, Unreachable, UnsupportedQoS)
+}
+"""Outcomes of calls that a tool has to know."""
+
+
+def failure(answer: Message) -> RobocompError:
+    """The error that a scout tells."""
+    return _KINDS.get(str(answer.get("kind")), ScoutError)(str(answer["error"]))
 
 
 class _Session:

@@ -8,6 +8,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
     {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
                                                          call a query, or send a command
+    {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100}
+                                                         publish to subscribers of a topic
     {"id": 1, "do": "cease"}                             end the question with this number
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
@@ -19,7 +21,7 @@ standard output, objects of JSON, one a line, and ends with its input:
                                                          age (or null) of each message
     {"id": 1, "result": {…}}                             what a query has answered
     {"id": 1, "thrown": "…", "fields": {…}}              the declared exception that it has raised
-    {"id": 1, "error": "…"}                              a sentence for people
+    {"id": 1, "error": "…", "kind": "Timeout"}           a sentence for people, and the class of the exception
     {"id": 1, "end": true}                               the last answer to a question
 """
 
@@ -35,7 +37,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 from ..contract.interface import Pattern
-from ..errors import RobocompError
+from ..contract.qos import from_traits
+from ..errors import RobocompError, Unreachable
 from ..threads import start_thread
 from ..wire import json as values
 from .access import Access, ThrownError
@@ -114,7 +117,7 @@ class Scout:
         try:
             deed(self._place, question, lambda **said: self._answer(number, **said), over)
         except (RobocompError, ValueError, TypeError, KeyError) as exc:
-            self._answer(number, error=str(exc) or repr(exc))
+            self._answer(number, error=str(exc) or repr(exc), kind=type(exc).__name__)
         finally:
             with self._lock:
                 del self._asked[number]
@@ -192,6 +195,18 @@ def _call(place: _Place, question: Message, answer: Answer, over: threading.Even
         answer(thrown=exc.kind.name, fields=values.shown(exc.kind.all_fields, exc.values))
 
 
+def _publish(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    from .publishing import publish
+
+    channel = take_census(_middlewares(question), own=True).topic(str(question["channel"]))
+    if not channel.users:
+        raise Unreachable(f"nothing subscribes to {channel.name}")
+    values_ = values.taken(channel.operation.inputs, question["arguments"], channel.operation.name)
+    qos = from_traits(traits) if (traits := str(question.get("traits") or "")) else None
+    within, rate, most = float(question["within"]), question.get("rate"), question.get("most")
+    publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, over=over)
+
+
 def _middlewares(question: Message) -> list[str]:
     return [str(each) for each in question.get("middlewares") or ()]
 
@@ -219,7 +234,13 @@ def _topics(question: Message) -> list[Channel]:
     return [network.topic(str(name)) for name in question["channels"]]
 
 
-_DEEDS: Mapping[str, _Deed] = {"census": _census, "hear": _hear, "arrivals": _arrivals, "call": _call}
+_DEEDS: Mapping[str, _Deed] = {
+    "census": _census,
+    "hear": _hear,
+    "arrivals": _arrivals,
+    "call": _call,
+    "publish": _publish,
+}
 
 
 def parts_of(ends: Iterable[End]) -> Iterator[dict[str, Any]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from robocomp_py.contract.interface import Pattern
@@ -52,6 +54,17 @@ def test_components_of_one_name_in_two_namespaces_are_two() -> None:
         ("left/arm", ["Everything"]),
         ("right/arm", ["Everything"]),
     ]
+
+
+def test_a_whole_name_means_only_its_own_channel() -> None:
+    network = Network([end(name, "serves", f"{name}/Everything/divide") for name in ("arm", "left/arm")])
+    assert [each.name for each in network.named("arm/Everything/divide")] == ["arm/Everything/divide"]
+    assert [each.name for each in network.named("Everything/divide")] == list(network.channels)
+
+
+def test_what_an_unprintable_owner_tells_keeps_its_host() -> None:
+    (one,) = Network([replace(end("a\nrm", "serves", "arm/Everything/divide"), host="base")]).components()
+    assert (one.owner, one.host) == ("a rm", "base")
 
 
 def test_commands_are_shown_if_asked_for() -> None:

@@ -18,21 +18,25 @@ import pytest
 from robocomp_py.cli import rc
 from robocomp_py.cli.common import UNREACHABLE, USAGE
 from robocomp_py.contract.interface import Pattern
-from robocomp_py.errors import HostUnreachable
+from robocomp_py.errors import HostUnreachable, Unreachable
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import scout
+from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.far import Far
 from robocomp_py.tools.network import Channel, End
 from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
+from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 
+from ..client.pilot import flying
 from ..runtime.components import Calculator, Tuned
 from ..runtime.test_run import make, running
 from . import elsewhere
-from .test_commands import Talker, complained, said
+from .test_commands import Listener, Talker, complained, said
 from .test_top import Asking
 
 NOWHERE = Post("nowhere", lambda: Direct())
@@ -345,3 +349,76 @@ def test_calls_of_another_host_are_printed(own_runtime_folder: Any, capsys: pyte
     ):
         told = json.loads(said(capsys, "echo", "--calls", "divide", *THERE, "-n", "1", "--json"))
         assert told["caller"] == "desk/pupil"
+
+
+def test_messages_are_published_on_another_host(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with (
+        elsewhere.network("base"),
+        running(make(Listener, find_transport, "middleware=shm", name="listener")) as worker,
+    ):
+        wait_until(lambda: any(each.uses for each in take_census(["shm"]).components()))
+        said(capsys, "pub", "phantom/Everything/news", "number=7", "text=boo", *THERE)
+        wait_until(lambda: "7 boo" in worker.entries)
+        said(capsys, "pub", "phantom/Everything/news", "number=8", "text=a", "-n", "3", "--rate", "100", *THERE)
+        wait_until(lambda: worker.entries.count("8 a") == 3)
+        assert "no field `size`" in complained(capsys, "pub", "phantom/Everything/news", "size=8", *THERE, code=USAGE)
+
+
+def test_each_subscriber_of_all_hosts_gets_a_message_once() -> None:
+    there = [Post(name, lambda: Direct()) for name in ("base", "robot")]
+
+    def heard(owner: str, middleware: str, via: Post | None = None) -> End:
+        told = Told(owner, 1, "subscribes", "arm/Arm/moved", 0, "")
+        return End(middleware, told, via.host if via else "", via)
+
+    ends = [heard("eye", "shm"), heard("eye", "dds"), heard("ear", "dds"), heard("map", "shm", there[0])]
+    ends += [heard("map", "zeromq", there[0]), heard("arm", "shm", there[1])]
+    ways = [(each.middleware, each.via) for each in Channel("arm/Arm/moved", Pattern.PUBLISH, ends).ways]
+    assert ways == [("shm", None), ("dds", None), ("shm", there[0]), ("shm", there[1])]
+
+
+def test_a_subscriber_of_another_host_that_is_gone_is_told(own_runtime_folder: Any, post: Post) -> None:
+    told = Told("ear", 1, "subscribes", "talker/Everything/news", e.news.fingerprint, e.news.text)
+    gone = Channel("talker/Everything/news", Pattern.PUBLISH, [End("shm", told, "base", post)])
+    with Access() as access, pytest.raises(ScoutError, match="`talker/Everything/news` is not there"):
+        publish(access, gone, (7, "boo"), 1.0)
+    with running(make(Talker, find_transport, "middleware=shm", name="talker")):
+        wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+        with Access() as access, pytest.raises(Unreachable, match="nothing subscribes to talker/Everything/news"):
+            publish(access, gone, (7, "boo"), 1.0)
+
+
+def test_goals_of_another_host_are_sent_and_cancelled(
+    own_runtime_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fly = ("fly", "target.x=1", "target.y=2")
+    with flying(tmp_path), elsewhere.network("base"):
+        capsys.readouterr()
+        assert json.loads(said(capsys, "action", "list", "--json", *THERE))["action"] == "pilot/Pilot/fly"
+        lines = said(capsys, "action", "send", *fly, "steps=100", *THERE).splitlines()
+        assert lines[0].endswith(" of pilot/Pilot/fly: accepted")
+        assert lines[-1] == "SUCCEEDED 100"
+        assert any(line.startswith("feedback") for line in lines)
+        assert complained(capsys, "action", "send", "fly", "target.x=-1", "target.y=2", "steps=3", *THERE) == (
+            'rc action send: RoboCompPilot.Blocked: {"by": "a bird"}\n'
+        )
+        goal = said(capsys, "action", "send", *fly, "steps=100000", "--detach", *THERE).split()[1]
+        wait_until(lambda: "EXECUTING" in said(capsys, "action", "info", "fly", *THERE))
+        assert said(capsys, "action", "cancel", "fly", goal, *THERE).startswith(f"fly {goal}: CANCEL")
+
+
+def test_a_goal_ends_when_its_host_is_lost(
+    own_runtime_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with flying(tmp_path), elsewhere.network("base") as network:
+        capsys.readouterr()
+
+        def cut_once_it_goes() -> None:
+            wait_until(lambda: any("fly-result" in each for each in network.questions))
+            network.cut()
+
+        cut = threading.Thread(target=cut_once_it_goes)
+        cut.start()
+        assert rc.main(["action", "send", "fly", "target.x=1", "target.y=2", "steps=100000", *THERE]) == UNREACHABLE
+        assert capsys.readouterr().err == "rc action send: base is out of reach: its cable was cut\n"
+        cut.join()
