@@ -48,14 +48,14 @@ class Outcome(Exception):
 
 
 class Call(Generic[R]):
-    """The client side of one operation over one codec."""
+    """The client side of one operation over one codec. What is sent one way has no result."""
 
-    def __init__(self, operation: Operation[R], codec: Codec) -> None:
+    def __init__(self, operation: Operation[R], codec: Codec, *, one_way: bool = False) -> None:
         self.operation = operation
         # No snapshot: a request is sent before its caller continues and can change the arguments. Replies may go later.
         self.encode: Callable[[tuple[Any, ...]], Payload] = codec.encoder(operation.request, snapshot=False)
         self.codec = codec
-        self._decode = codec.decoder(operation.response)
+        self._decode = _no_result if one_way else codec.decoder(operation.response)
         self._outputs = len(operation.outputs)
 
     def result(self, reply: Reply) -> R:
@@ -194,6 +194,10 @@ class Handler:
 
 
 # Codecs of failures are compiled when first used and cached, since some calls fail every time.
+
+
+def _no_result(_: Payload) -> NoReturn:
+    raise TypeError("what is sent one way has no result")
 
 
 @lru_cache(maxsize=1024)

@@ -189,8 +189,8 @@ def bind_proxy(
     for operation, pattern in port.interface.under(port.verb):
         route = router(port, operation)
         channel = checked_channel(route, operation, pattern)
-        call = Call(operation, route.transport.codec)
         if pattern is Pattern.QUERY:
+            call = Call(operation, route.transport.codec)
             caller = route.transport.caller(channel)
             if operation.idempotent:
                 caller = Retrying(caller, ending=lambda: monitor.closed)
@@ -205,7 +205,8 @@ def bind_proxy(
                 links.append(outlet)
                 tally = Tally(port, operation, pattern, each)
                 monitor.tallies.add(tally, outlet)
-                ways.append(BoundSend(Call(operation, each.transport.codec), outlet, route.deadline, tally))
+                call = Call(operation, each.transport.codec, one_way=True)
+                ways.append(BoundSend(call, outlet, route.deadline, tally))
             sent = ways[0] if len(ways) == 1 else FanOut(ways, route.deadline)
             watched = watching.of(port, operation.name, pattern, route.qos) if watching else None
             bound[operation.name] = WatchedSend(sent, watched, route.channel) if watched else sent

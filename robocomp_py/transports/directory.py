@@ -29,6 +29,7 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 from ..errors import ConfigurationError, TransportError
 from ..wire.names import ANY, matches
@@ -219,7 +220,8 @@ def _places_below(beginning: str) -> _Places:
     return _Places(file_name(beginning), of_all, of_star)
 
 
-class _File(NamedTuple):
+@dataclass(frozen=True)
+class _File:
     """The file of a member."""
 
     stamp: tuple[int, int, int]
@@ -257,6 +259,8 @@ class Directory:
         self._on_change: Callable[[], object] = _nothing
         self._lock = threading.Lock()
         self._places: dict[str, _Place] = {}
+        self._files: WeakValueDictionary[str, _File] = WeakValueDictionary()
+        """By member: places share the file of a member that is in many of them."""
         """By name: the places that this process looks into."""
         self._found: dict[tuple[str, str], dict[str, list[Found]]] = {}
         """The results by role and channel, then by member."""
@@ -397,10 +401,10 @@ class Directory:
             path = os.path.join(self._folder, f"{name}.json")
             try:
                 stamp = _stamp(os.stat(path))
-                known = place.files.get(name)
-                files[name] = (
-                    known if known and known.stamp == stamp else _File(stamp, _understood(_content(path), name))
-                )
+                known = self._files.get(name)
+                if known is None or known.stamp != stamp:
+                    known = self._files[name] = _File(stamp, _understood(_content(path), name))
+                files[name] = known
             except FileNotFoundError:  # it has left
                 self.alive(name)  # or was killed while leaving
         gone = place.files.keys() - files.keys()

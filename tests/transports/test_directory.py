@@ -386,6 +386,22 @@ def test_of_members_elsewhere_nothing_is_read(directory: Directory, monkeypatch:
         member.close()
 
 
+def test_a_file_that_is_in_many_places_is_read_once(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
+    member = directory.join("world")
+    entries = [replace(LASER, channel=f"robot/world/Sensor{number}/read") for number in range(5)]
+    with member.gathered():
+        for entry in entries:
+            member.add(entry)
+    read: list[str] = []
+    content = directory_module._content
+    monkeypatch.setattr(directory_module, "_content", lambda path: (read.append(Path(path).stem), content(path))[1])
+    assert all(directory.find("serves", entry.channel) for entry in entries)
+    member.add(LASER)
+    assert all(directory.find("serves", entry.channel) for entry in entries)
+    assert len(read) == 2
+    member.close()
+
+
 def test_a_member_is_at_the_places_of_what_it_announces(directory: Directory) -> None:
     index = directory._folder / "by"
     member, other = directory.join("world"), directory.join("other")
