@@ -44,6 +44,8 @@ def words(channel: Channel, traffic: Traffic) -> str:
     if sizes is None:
         return ""
     each = f"{octets(sizes.smallest)} to {octets(sizes.largest)} a message, {octets(sizes.mean)} on average"
+    if sizes.smallest == sizes.largest:
+        each = f"{octets(sizes.mean)} a message"
     return f"{octets(sizes.per_second)}/s, {each}, {messages(traffic)}"
 
 

@@ -30,7 +30,7 @@ examples:
   rc doctor --list                 the names of all checks
   rc doctor --json                 a finding a line, for machines
 
-Each finding has a weight (error, warn or note), what is wrong, and what to do. A note may be meant to be so.
+A finding is an error or a warn(ing): what is wrong, and what to do. A note may be meant to be so.
 Without a network, what runs is compared with the plans of all networks that rcdeploy runs here.
 
 exit status: 0 nothing is wrong (there may be notes), 1 something is, 2 usage, 130/143 by a signal
@@ -81,10 +81,12 @@ def run(options: argparse.Namespace) -> int:
             else:
                 print(f"{finding.weight:5}  {_shown(finding.text)}: {_shown(finding.advice)}")
         wrong = sum(finding.weight is not Weight.NOTE for _, finding in found)
+        notes = len(found) - wrong
         if not options.json:
             number = len(facts.network.components())
             looked = f"{len(options.check) or len(CHECKS)} checks of this machine and {number} components"
-            print(f"{looked}: {f'{wrong} findings' if wrong != 1 else '1 finding'}", file=sys.stderr)
+            also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
+            print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
         return WRONG if wrong or troubles else FINE
     return code()
 

@@ -26,7 +26,7 @@ examples:
   rc foxglove LaserPub camera        only these
   rc foxglove --network rescue       only those of a network that rcdeploy runs
   rc foxglove run1/run1_0.mcap       a recording, as it was in time
-  rc foxglove --recording run1       the same for a folder of `rc record`
+  rc foxglove run1                   the same for a folder of `rc record`
   rc foxglove --port 9000            at another port than 8765
 
 Open the printed address in Foxglove: Open connection, Foxglove WebSocket. Only programs on this host can connect. It
@@ -48,7 +48,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording *.mcap")
+    names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording: a folder, or *.mcap")
     completed(names, What.TOPIC)
     about = "only topics of a network that rcdeploy runs here, by its name or file"
     completed(to.add_argument("--network", metavar="NET", help=about), What.NETWORK)
@@ -85,10 +85,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _take_recording(options: argparse.Namespace) -> None:
-    """A name that ends with `.mcap` is a recording. Raises ConfigurationError."""
+    """A name that ends with `.mcap`, or is a folder with such files, is a recording. Raises ConfigurationError."""
     from ..errors import ConfigurationError
 
-    files = [each for each in options.topics if each.endswith(_MCAP)]
+    files = [each for each in options.topics if each.endswith(_MCAP) or any(Path(each).glob(f"*{_MCAP}"))]
     if len(files) + bool(options.recording) > 1:
         raise ConfigurationError("one recording at a time is shown; `rc bag merge` makes one of several")
     if files:
@@ -105,11 +105,11 @@ def _census(options: argparse.Namespace) -> Callable[[], Network]:
     census = partial(take_census, options.middleware, own=bool(options.topics))
     if not options.network:
         return census
-    from ..deploy.client import NotRunning, network_of, running_plan
+    from ..deploy.client import NotRunning, network_of, not_running, running_plan
 
     name = network_of(options.network)
     if running_plan(name) is None:
-        raise NotRunning(f"network `{name}` is not running on this machine")
+        raise NotRunning(not_running(name))
 
     def of_network() -> Network:
         plan = running_plan(name) or {}
@@ -126,6 +126,9 @@ def _show_network(bridge: Bridge, options: argparse.Namespace, census: Callable[
         session = Session(bridge, access, census, options.topics, _tell)
         session.look()
         _tell_address(bridge)
+        if not session.followed:
+            what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
+            _tell(f"nothing publishes {what} yet; `rc list --topics` shows all topics")
         while time.monotonic() < end:
             session.look()
             time.sleep(_LOOK)

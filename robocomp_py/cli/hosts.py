@@ -162,7 +162,7 @@ def _plans(wanted: str | None) -> dict[str, Any]:
                 return {}
         except (ConfigurationError, TransportError):
             return {}  # a census says so, too
-    from ..deploy.client import NotRunning, network_of, networks, running_plan
+    from ..deploy.client import NotRunning, network_of, networks, not_running, running_plan
 
     found = {}
     for name in [network_of(wanted)] if wanted else networks():
@@ -174,7 +174,7 @@ def _plans(wanted: str | None) -> dict[str, Any]:
             print(f"warning: {exc}", file=sys.stderr)
             continue
         if wanted and plan is None:
-            raise NotRunning(f"network `{name}` is not running on this machine")
+            raise NotRunning(not_running(name))
         if plan and plan.get("hosts"):
             found[name] = plan
     return found

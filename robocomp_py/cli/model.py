@@ -15,10 +15,17 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
 
     Raises ConfigurationError and DeploymentError; what is wrong with a file is printed.
     """
-    from ..deploy.client import network_of, running_plan
+    from ..deploy.client import network_of, not_running, running_plan
+    from ..errors import ConfigurationError
 
-    plan = running_plan(network_of(text))
-    return _planned(network(text), include) if plan is None else plan
+    name = network_of(text)
+    plan = running_plan(name)
+    if plan is not None:
+        return plan
+    path = network(text)
+    if path.suffix != ".ddsl":
+        raise ConfigurationError(f"{not_running(name)}; give it a DDSL file")
+    return _planned(path, include)
 
 
 def _planned(path: Path, include: Sequence[Path]) -> Mapping[str, Any]:
@@ -30,8 +37,6 @@ def _planned(path: Path, include: Sequence[Path]) -> Mapping[str, Any]:
     from ..dsl.workspace import Workspace
     from ..errors import ConfigurationError
 
-    if path.suffix != ".ddsl":
-        raise ConfigurationError(f"{path} is no network that runs here; give it a DDSL file")
     workspace = Workspace(include)
     plan = make_plan(path, workspace, Overrides(), usable, is_here=is_own)
     if plan is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import re
 import sys
@@ -122,8 +123,11 @@ def run(options: argparse.Namespace) -> int:
                         tellers.close()
             finally:
                 recorder.close()
-                if recording:
+                if recording and recording.has_begun:
                     _sum_up(recording, time.monotonic() - begun, as_json=options.json)
+                elif not recorder.error:
+                    with contextlib.suppress(OSError):  # it is left to the user if it is in use
+                        recorder.discard()
         if recorder.error:
             raise recorder.error
         return FINE

@@ -250,8 +250,9 @@ class Topic(Described):
     def plot(self, *fields: str, seconds: float = 5.0, axes: Any = None) -> Any:
         """Draw fields of its messages over the next `seconds`; returns matplotlib's axes.
 
-        A field is a path, such as `battery.percentage` or `points[0].x`. One that is an array is drawn as it is in the
-        newest message. Raises ConfigurationError without matplotlib (`pip install robocomp-py[plot]`).
+        A field is a path, such as `battery.percentage` or `points[0].x`. Of a struct, and without a field, all numbers
+        outside of sequences are drawn. An array, such as `points[*].x`, is drawn as it is in the newest message. Raises
+        ConfigurationError without matplotlib (`pip install 'robocomp-py[plot]'`).
         """
         from .plotting import plot
 

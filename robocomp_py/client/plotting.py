@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..contract.types import python_name
 from ..errors import Timeout
-from ..fieldpath import steps
+from ..fieldpath import Wide, wide_steps
 from ..tools.drawing import need_matplotlib
+from .values import Record
 
 if TYPE_CHECKING:
     from .operations import Topic
@@ -20,7 +22,7 @@ def plot(topic: Topic, fields: Sequence[str], seconds: float, axes: Any) -> Any:
     """See `Topic.plot`."""
     drawn = axes or _axes()
     times, columns = _gathered(topic, fields, seconds)
-    for field, column in zip(fields or ("",), columns, strict=True):
+    for field, column in columns.items():
         if isinstance(column[-1], np.ndarray):
             drawn.plot(column[-1], label=field)
             drawn.set_xlabel("number")
@@ -28,7 +30,7 @@ def plot(topic: Topic, fields: Sequence[str], seconds: float, axes: Any) -> Any:
             drawn.plot(times, column, label=field)
             drawn.set_xlabel("seconds")
     drawn.set_title(topic._channel.name)
-    if any(fields):
+    if any(columns):
         drawn.legend()
     return drawn
 
@@ -41,17 +43,19 @@ def _axes() -> Any:
     return axes
 
 
-def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list[float], list[list[Any]]]:
+def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list[float], dict[str, list[Any]]]:
     """When messages came, in seconds, and the values of each field. Raises Timeout if none came."""
     times: list[float] = []
-    columns: list[list[Any]] = [[] for _ in fields or ("",)]
+    columns: dict[str, list[Any]] = {}
     first = topic._operation.inputs[0].name if len(topic._operation.inputs) == 1 else ""
     begun = time.monotonic()
     with topic.listen(timeout=seconds) as messages:
         for message in messages:
             now = time.monotonic() - begun
-            for field, column in zip(fields or ("",), columns, strict=True):
-                column.append(_number(part_of(message, field, first), field))
+            if not columns:
+                columns = {path: [] for field in fields or ("",) for path in numbers_below(message, field, first)}
+            for path, column in columns.items():
+                column.append(_number(part_of(message, path, first), path))
             times.append(now)
             if now >= seconds:
                 break
@@ -60,24 +64,60 @@ def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list
     return times, columns
 
 
-def part_of(message: Any, path: str, first: str = "") -> Any:
-    """The part of a message that a path such as `a.b[0]` names. `first` may stand for the whole message.
+def numbers_below(message: Any, field: str, first: str) -> list[str]:
+    """The field itself, or if it is a struct, the numbers in it except those of sequences. Raises ValueError."""
+    value = part_of(message, field, first)
+    if not isinstance(value, Record):
+        return [field]
+    found = [f"{field}.{each}" if field else each for each in _numbers(value)]
+    if not found:
+        kind = type(value).__name__
+        raise ValueError(f"`{field or 'the message'}` is {kind}, which has no numbers outside of sequences")
+    return found
 
-    Raises ValueError for what is no path, AttributeError and IndexError for what is not there.
+
+def _numbers(value: Record) -> Iterator[str]:
+    for field in value.__contract__.fields:
+        inner = value[field.name]
+        if isinstance(inner, Record):
+            yield from (f"{field.name}.{each}" for each in _numbers(inner))
+        elif isinstance(inner, bool | int | float):
+            yield field.name
+
+
+def part_of(message: Any, path: str, first: str = "") -> Any:
+    """The part of a message that a path such as `a.b[0]` names; with `a[*].b`, an array of that part of all items.
+
+    `first` may stand for the whole message. Raises ValueError for what is no path, AttributeError and IndexError for
+    what is not there.
     """
     if not path:
         return message
-    parts = steps(path)
+    parts = wide_steps(path)
     if first and parts[0] == first and not hasattr(message, first):
         parts = parts[1:]
-    for each in parts:
-        message = message[each] if isinstance(each, int) else getattr(message, each)
-    return message
+    return _part(message, parts)
+
+
+def _part(value: Any, parts: Sequence[str | int | Wide]) -> Any:
+    for place, each in enumerate(parts):
+        match each:
+            case int():
+                value = value[each]
+            case str():
+                value = getattr(value, python_name(each))
+            case Wide.ITEMS:
+                return np.array([_part(item, parts[place + 1 :]) for item in value])
+            case Wide.FIELDS:
+                return value
+    return value
 
 
 def _number(value: Any, field: str) -> Any:
-    if isinstance(value, np.ndarray | bool | int | float):
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.ndim == 1:
         return value
-    raise ValueError(
-        f"`{field or 'the message'}` is {type(value).__name__}, and only numbers and arrays of them are drawn"
-    )
+    if isinstance(value, bool | int | float):
+        return value
+    kind = "a sequence" if isinstance(value, list | np.ndarray) else type(value).__name__
+    hint = f"; write a number of its items, as {field}[*].x or {field}[0].x" if kind == "a sequence" and field else ""
+    raise ValueError(f"`{field or 'the message'}` is {kind}, and only numbers and arrays of them are drawn{hint}")

@@ -80,6 +80,14 @@ def networks() -> list[str]:
     return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
 
 
+def not_running(network: str) -> str:
+    """The message for a network that does not run here, with the name of one that does if it is similar."""
+    from ..spelling import closest  # most commands do without
+
+    near = closest(network, networks())
+    return f"network `{network}` is not running on this machine" + (f"; did you mean `{near}`?" if near else "")
+
+
 def running_plan(network: str) -> dict[str, Any] | None:
     """The plan that a network runs by, as JSON; None if it does not run. Raises DeploymentError."""
     place = Place(network)
@@ -307,7 +315,7 @@ def _connect(place: Place, coming_s: float = _COMING_S) -> socket.socket:
             raise Stuck(f"the process that runs network `{place.network}` does not answer") from exc
         except OSError as exc:
             if place.runner() is None:
-                raise NotRunning(f"network `{place.network}` is not running on this machine") from exc
+                raise NotRunning(not_running(place.network)) from exc
             if time.monotonic() > end:
                 raise NoSocket(f"network `{place.network}` is starting or stopping; try again") from exc
         time.sleep(LOOK_S)

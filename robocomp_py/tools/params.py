@@ -18,6 +18,7 @@ from typing import Any
 
 import yaml
 
+from ..errors import ConfigurationError, RemoteFailure
 from ..printable import printable
 from ..runtime.RoboCompIntrospection import Setting
 from . import asking
@@ -53,9 +54,15 @@ def read(access: Access, network: Network, component: str, deadline: float) -> l
 
 
 def change(access: Access, network: Network, component: str, texts: Mapping[str, str], deadline: float) -> None:
-    """Set parameters, all or none. Raises RemoteFailure with the component's reason, and what a call raises."""
+    """Set parameters, all or none. Raises ValueError with the reason of a component that refuses, and what a call
+    raises."""
     given = {name: (True, text, "") for name, text in texts.items()}
-    access.ask(_common(network, component, "setParameterList"), (given,), deadline)
+    try:
+        access.ask(_common(network, component, "setParameterList"), (given,), deadline)
+    except RemoteFailure as exc:
+        if exc.kind != ConfigurationError.__name__:
+            raise
+        raise ValueError(f"{component}: {printable(exc.reason)}") from exc
 
 
 def _common(network: Network, component: str, operation: str) -> Channel:

@@ -94,8 +94,8 @@ def walk(fields: Sequence[Field], steps: Sequence[str | int | Wide]) -> Iterator
             case Struct(fields=inner), str(name):
                 known = [one.name for one in inner]
                 if name not in known:
-                    where = f" in `{spelt}`" if spelt else ""
-                    raise ValueError(f"{unknown('field', name, known)}{where}")
+                    where = f"`{spelt}`: " if spelt else ""
+                    raise ValueError(f"{where}{unknown('field', name, known)}")
                 place = known.index(name)
                 kind, spelt = inner[place].type, f"{spelt}.{name}" if spelt else name
             case types.Sequence(item), int(place):

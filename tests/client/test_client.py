@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,12 +17,12 @@ from matplotlib.figure import Figure
 
 from robocomp_py import connect
 from robocomp_py.client import Connection
-from robocomp_py.client.plotting import part_of
+from robocomp_py.client.plotting import numbers_below, part_of
 from robocomp_py.client.session import NotThere
 from robocomp_py.client.values import Record, Types, record
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.contract.types import FLOAT64, INT32, Enumeration, ExceptionType, Field, Struct
+from robocomp_py.contract.types import FLOAT64, INT32, STRING, Enumeration, ExceptionType, Field, Sequence, Struct
 from robocomp_py.deploy.place import Place
 from robocomp_py.errors import (
     Busy,
@@ -274,6 +274,8 @@ def test_values_are_drawn(net: Any) -> None:
     (line,) = axes.lines
     assert (np.diff(line.get_ydata()) > 0).all()
     assert (axes.get_title(), axes.get_xlabel()) == ("talker/Everything/news", "seconds")
+    every = net.talker.Everything.plot(seconds=0.1, axes=Figure().subplots())
+    assert [each.get_label() for each in every.lines] == ["number"]
     for path, why in (
         ("text", "`text` is str, and only numbers"),
         ("numbr", "did you mean `number`"),
@@ -288,6 +290,17 @@ def test_a_part_of_a_message_is_found_by_its_path() -> None:
     assert part_of(inner(2.5), "x") == 2.5
     assert part_of(inner(2.5), "place.x", "place") == 2.5
     assert part_of(np.array([1, 2]), "scan[1]", "scan") == 2
+    assert part_of([inner(1.0), inner(2.5)], "points[*].x", "points").tolist() == [1.0, 2.5]
+
+
+def test_of_a_struct_its_numbers_are_drawn() -> None:
+    inner = record("A::B", (Field("x", FLOAT64), Field("class", INT32)))
+    outer: Any = record("A::C", (Field("name", STRING), Field("at", inner), Field("all", Sequence(inner)))).python
+    assert numbers_below(outer(), "", "") == ["at.x", "at.class"]
+    assert numbers_below(outer(), "place.at", "place") == ["place.at.x", "place.at.class"]
+    assert part_of(outer(), "at.class") == 0
+    with pytest.raises(ValueError, match="`it` is D, which has no numbers outside of sequences"):
+        numbers_below(cast("Any", record("A::D", (Field("name", STRING),)).python)(), "it", "it")
 
 
 def test_a_subscriber_hears_what_a_script_publishes() -> None:

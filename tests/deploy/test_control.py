@@ -133,6 +133,11 @@ def test_what_does_not_run_cannot_be_asked() -> None:
         Connection("nowhere")
 
 
+def test_for_a_misspelt_name_the_one_that_runs_is_proposed(running: Running) -> None:
+    with pytest.raises(NotRunning, match="did you mean `home`"):
+        Connection("hom")
+
+
 def test_running_processes_are_known_by_name(running: Running) -> None:
     assert networks() == ["home"]
 

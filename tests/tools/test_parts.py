@@ -96,7 +96,7 @@ def test_the_name_of_an_only_parameter_may_be_left_out() -> None:
     [
         ("light.", "`light.` is no path; write it as a.b, a[0].b, a[*].b for all items, or a.* for all fields"),
         ("light.*.on", "is no path"),
-        ("light.powr", "unknown field `powr`; did you mean `power`? in `light`"),
+        ("light.powr", "`light`: unknown field `powr`; did you mean `power`?"),
         ("lamp", "unknown field `lamp`; known: light, number"),
         ("light.scan.dist", "`light.scan` is a sequence; write light.scan[0].dist"),
         ("light.scan.*", "`light.scan` is a sequence; write light.scan[0].*"),
@@ -151,7 +151,7 @@ def test_a_condition(text: str, fits: bool) -> None:
         ("light.power>__import__('os')", "compare it with a number"),
         ("number=true", "`number` is int32; compare it with a number, and not `true`"),
         ("light.power=nan", "compare it with a number"),
-        ("light.powr>3", "unknown field `powr`; did you mean `power`? in `light`"),
+        ("light.powr>3", "`light`: unknown field `powr`; did you mean `power`?"),
         ("light.on=yes", "`light.on` is true or false, and not `yes`"),
         ("light.on>false", "`light.on` is bool; compare it by = or !="),
         ("light.colour=cld", "`light.colour` is one of warm, cold, and not `cld`"),

@@ -262,8 +262,8 @@ class _Again:
 
     def _end(self, turn: _Turn, call: str, operation: Operation[Any] | None, more: dict[str, Any]) -> None:
         event = self._expect("end", turn, f"the end of {call}")
-        self._result.outputs += operation is not None and bool(operation.outputs)
         was, now = event.get("error"), more.get("error")
+        self._result.outputs += bool(was or now or (operation and operation.outputs))  # exceptions go out, too
         if _short(was) != _short(now):
             self._differ(event, call, _failed(was), _failed(now))
         elif operation and not now and event.get("data") != more.get("data"):

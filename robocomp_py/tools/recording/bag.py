@@ -229,6 +229,12 @@ class BagWriter:
             for each in gone:  # after the metadata: it must never name a file that is not there
                 (self.folder / each.file).unlink(missing_ok=True)
 
+    def discard(self) -> None:
+        """After `close`: remove the files, and the folder if nothing else is in it. Raises OSError."""
+        for each in (self.folder / METADATA, *map(self._path, range(self._number + 1))):
+            each.unlink(missing_ok=True)
+        self.folder.rmdir()
+
     def _described(self, topic: Topic | Foreign) -> Described:
         kind = topic.type if isinstance(topic, Foreign) else topic.schema(self._options.schema).name
         return Described(topic.in_file, kind, topic.metadata.get("offered_qos_profiles", ""))

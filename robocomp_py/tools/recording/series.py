@@ -130,8 +130,16 @@ def _below(fields: Sequence[Field], parts: list[str | int]) -> Iterator[tuple[st
     elif _is_number(kind):
         yield spelt, tuple(places)
     else:
-        hint = f"; write one of its numbers as {spelt}[0]" if isinstance(kind, types.Sequence) else ""
+        hint = f"; write one of its numbers as {_example(spelt, kind)}" if isinstance(kind, types.Sequence) else ""
         raise ValueError(f"`{spelt}` is {types.spell(kind)}, and only numbers are drawn{hint}")
+
+
+def _example(spelt: str, kind: Type) -> str:
+    """The path of a number in a sequence."""
+    while isinstance(kind, types.Sequence):
+        spelt, kind = f"{spelt}[0]", kind.item
+    inside = next(_numbers(kind.fields), ("",))[0] if isinstance(kind, Struct) else ""
+    return f"{spelt}.{inside}" if inside else spelt
 
 
 def _numbers(fields: Sequence[Field]) -> Iterator[tuple[str, tuple[int, ...]]]:

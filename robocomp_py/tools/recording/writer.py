@@ -146,6 +146,10 @@ class Recorder:
         if any(each.is_alive() for each in self._threads):
             self.error = RecordingError(f"{self.folder}: the disk has taken nothing for {_LAST:g} s")
 
+    def discard(self) -> None:
+        """After `close`: remove the files, and the folder if nothing else is in it. Raises OSError."""
+        self._bag.discard()
+
     # The thread that writes.
 
     def _write(self) -> None:

@@ -147,7 +147,7 @@ def test_a_recording_is_converted(tmp_path: Path) -> None:
 
 def test_a_recording_is_shown_with_its_times(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run", 300)
-    with served(str(run / "run_0.mcap"), "LaserPub") as address, connected(address) as client:
+    with served(str(run), "LaserPub") as address, connected(address) as client:
         stamp, data = client.hear("/world/LaserPub/pushLaserData/LaserScan")
         channel = client.channels["/world/LaserPub/pushLaserData/LaserScan"]
         _, plain = client.hear("/world/LaserPub/pushLaserData")

@@ -83,9 +83,10 @@ def test_a_topic_that_appears_later_is_recorded(tmp_path: Path) -> None:
     assert numbers_in(tmp_path / "run")
 
 
-def test_a_recording_without_topics_ends(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_without_topics_ends_and_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = complained(capsys, "record", "elephant", "--timeout", "0.1", "-o", tmp_path / "run")
     assert "rc record: nothing publishes `elephant`; `rc list --topics` shows all topics" in told
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

@@ -111,6 +111,7 @@ def test_items_of_sequences_are_drawn_with_gaps(run: Path) -> None:
         ("ReportPub.name", "`state.name` is string, and only numbers are drawn"),
         ("ReportPub.name.first", "`state.name` is string, and has no fields"),
         ("ReportPub.nearest[0]", "`state.nearest` is House.Echo, and has no item 0"),
+        ("ReportPub.echoes", "only numbers are drawn; write one of its numbers as state.echoes[0].angle"),
         ("ReportPub.echoes.distance", "`state.echoes` is a sequence; write state.echoes[0].distance"),
         (
             "ReportPub.volts",
