@@ -56,6 +56,14 @@ def positive(text: str) -> float:
     return number
 
 
+def port(text: str) -> int:
+    """The number of a port; 0: any free one."""
+    number = int(text) if text.isascii() and text.isdecimal() else -1
+    if not 0 <= number < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; write a number up to 65535")
+    return number
+
+
 def count(text: str) -> int:
     if not text.isdecimal() or not int(text):
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")

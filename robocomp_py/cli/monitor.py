@@ -11,7 +11,7 @@ from typing import Any
 
 from .common import WRONG, add_include
 from .completing import What, completed
-from .live import add_json, add_middleware, positive, reported
+from .live import add_json, add_middleware, port, positive, reported
 from .model import declared
 
 NAME = "monitor"
@@ -43,7 +43,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "a network, by its DDSL file or by its name if it runs"
     completed(to.add_argument("network", nargs="?", metavar="NET", help=about), What.NETWORK)
-    to.add_argument("--port", type=_port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")
+    to.add_argument("--port", type=port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")
     to.add_argument(
         "--every", type=positive, default=1.0, metavar="SECONDS", help="the time between two looks (default: 1)"
     )
@@ -123,10 +123,3 @@ def _plan(name: str, options: argparse.Namespace) -> Callable[[], Mapping[str, A
         return last
 
     return plan
-
-
-def _port(text: str) -> int:
-    number = int(text) if text.isascii() and text.isdecimal() else -1
-    if not 0 <= number < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; write a number up to 65535")
-    return number

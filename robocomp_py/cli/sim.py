@@ -11,9 +11,10 @@ from pathlib import Path
 from ..errors import RobocompError
 from . import starting
 from .common import FINE, complain
+from .viewing import VIEW_HELP, add_view, view
 
 NAME = "sim"
-HELP = "simulate a scene of InnerModel as a component"
+HELP = "simulate a scene of InnerModel as a component, and show it in the browser"
 
 _EXAMPLES = """\
 examples:
@@ -21,14 +22,17 @@ examples:
   rc sim offers house.xml            the lines of the network that declare them
   rc sim offers house.xml --ports    the same, with the ports at which programs of RoboComp ask
 
-Simulating needs `pip install 'robocomp-py[sim]'`; these commands do not.
+  rc sim view house.xml              the scene in the browser
+  rc sim view                        ... as it runs
 
-exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage
+Simulating needs `pip install 'robocomp-py[sim]'`, and looking at a scene `pip install 'robocomp-py[viewer]'`.
+
+exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage, 130/143 by a signal
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "Write a component that simulates a scene, and what a network has to declare of it."
+    to.description = "Write a component that simulates a scene, print what a network has to declare of it, and show it."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
@@ -46,9 +50,12 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="with the ports of the file, at which programs of RoboComp ask: one interface at each",
     )
     shown.add_argument("--json", action="store_true", help="print one object: interfaces by device, or with their port")
+    add_view(actions.add_parser("view", help=VIEW_HELP))
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.action == "view":
+        return view(options)
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
     from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers

@@ -5,8 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .axes import Array
+
+# The six sides of a box: which way is ahead for a camera that looks at the side, and which way is up in its picture.
+_SIDES = tuple(
+    (np.array(ahead, dtype=float), np.array(up, dtype=float))
+    for ahead, up in (
+        ((0, 0, 1), (0, 1, 0)),
+        ((0, 0, -1), (0, 1, 0)),
+        ((1, 0, 0), (0, 1, 0)),
+        ((-1, 0, 0), (0, 1, 0)),
+        ((0, 1, 0), (0, 0, -1)),
+        ((0, -1, 0), (0, 0, 1)),
+    )
+)
 
 _STANDARD = 2500.0
 """Edge of a plane without a size, mm."""
@@ -24,3 +38,23 @@ def extents(size: Sequence[float]) -> Array:
     if len(numbers) == 2:
         numbers.append(min(numbers) / 100.0)
     return np.array(numbers[:3])
+
+
+def pictured(sizes: Array) -> tuple[Array, Array, NDArray[np.int32]]:
+    """A box of which each side shows a whole picture, upright: `sizes` are width, height and depth.
+
+    Its points, shape (24, 3), in the axes of the node; the places of these points on the picture, shape (24, 2), from
+    its upper left corner, 0, to the lower right one, 1; and its triangles, shape (12, 3), which run counter-clockwise
+    from outside in right-handed axes.
+    """
+    points: list[Array] = []
+    places: list[tuple[float, float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for ahead, up in _SIDES:
+        right = np.cross(up, ahead)
+        corners = [(-1, 1), (1, 1), (1, -1), (-1, -1)]  # from the upper left one, clockwise
+        begin = len(points)
+        points += [(right * x + up * y - ahead) * (sizes / 2.0) for x, y in corners]
+        places += [((x + 1) / 2, (1 - y) / 2) for x, y in corners]
+        faces += [(begin, begin + 3, begin + 2), (begin, begin + 2, begin + 1)]
+    return np.array(points), np.array(places), np.array(faces, dtype=np.int32)

@@ -393,6 +393,17 @@ class Tree:
                 raise InnerModelError("the tree was not read from a file; save it under a path")
             return written(self._model, self._written(self._root))
 
+    def text(self) -> bytes:
+        """The whole tree as one file of its own, in which files of meshes and textures have absolute paths."""
+        with self._lock:
+            made = self.copy()
+            for node in _every(made._root):
+                for attribute in ("file", "texture"):
+                    path = made.file(node.id, attribute) if node.values.get(attribute) else None
+                    if path is not None:
+                        node.values[attribute] = str(path.resolve())
+            return next(iter(written(None, made._written(made._root)).values()))
+
     def save(self, path: Path | str | None = None) -> None:
         """Write the tree: to the files that it was read from, or to one file.
 

@@ -24,12 +24,13 @@ from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.boxes import extents
 from ..innermodel.mesh import read_mesh
+from ..innermodel.pictures import GREY, Pixels, colour_of
 from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
 from . import grippers, servos
 from .contacts import part
 from .grippers import Gripper
-from .looks import GREY, Looks, Pixels, colour_of
+from .looks import Looks
 from .parameters import BASES, JOINTS, Parameters, checked
 
 _MASS = 0.5

@@ -7,8 +7,6 @@ bodies and joints, and therefore the same vector of positions.
 from __future__ import annotations
 
 import logging
-import re
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,8 +18,10 @@ from numpy.typing import NDArray
 
 from ..innermodel import axes
 from ..innermodel.axes import Array
+from ..innermodel.boxes import pictured
 from ..innermodel.camera import Lens
 from ..innermodel.mesh import read_mesh
+from ..innermodel.pictures import GREY, Pixels, colour_of, read_picture
 from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Node, Tree
 
@@ -30,10 +30,6 @@ log = logging.getLogger("robocomp.sim")
 CAMERAS = ("rgbd", "camera")
 """The tags of nodes that take pictures."""
 
-Pixels = NDArray[np.uint8]
-"""Red, green and blue, rows from the top, shape (height, width, 3)."""
-
-GREY = (0.5, 0.5, 0.5, 1.0)
 NEAREST = 0.01
 """What is nearer to a camera is not drawn, m."""
 FARTHEST = 1000.0
@@ -41,9 +37,6 @@ FARTHEST = 1000.0
 
 _MOST_PIXELS = 4096
 """Of a row or a column of what a camera takes."""
-MOST_SHOWN = 2048
-"""Of a row or a column of what is on a plane. Larger files are made smaller."""
-
 _MOST_COLOURS = 64
 """Of a mesh."""
 _LEAST_AREA = 1e-12
@@ -51,19 +44,6 @@ _LEAST_AREA = 1e-12
 
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
 """Of shapes that are only seen: MuJoCo computes no convex hulls of them."""
-
-# The six sides of a box: which way is ahead for a camera that looks at the side, and which way is up in its picture.
-_SIDES = tuple(
-    (np.array(ahead, dtype=float), np.array(up, dtype=float))
-    for ahead, up in (
-        ((0, 0, 1), (0, 1, 0)),
-        ((0, 0, -1), (0, 1, 0)),
-        ((1, 0, 0), (0, 1, 0)),
-        ((-1, 0, 0), (0, 1, 0)),
-        ((0, 1, 0), (0, 0, -1)),
-        ((0, -1, 0), (0, 0, 1)),
-    )
-)
 
 
 @dataclass(slots=True)
@@ -186,22 +166,12 @@ class Looks:
     def _box(self, half: tuple[float, ...]) -> str:
         """The mesh of a box with these half extents in simulation: every side has a whole picture."""
         depth, width, height = half
-        extents = np.array((width, height, depth))
-        points: list[Array] = []
-        places: list[tuple[float, float]] = []
-        faces: list[tuple[int, int, int]] = []
-        for ahead, up in _SIDES:
-            right = np.cross(up, ahead)
-            corners = [(-1, 1), (1, 1), (1, -1), (-1, -1)]  # from the upper left one, clockwise
-            begin = len(points)
-            points += [(right * x + up * y - ahead) * extents for x, y in corners]
-            places += [((x + 1) / 2, (1 - y) / 2) for x, y in corners]
-            faces += [(begin, begin + 3, begin + 2), (begin, begin + 2, begin + 1)]
+        points, places, faces = pictured(2.0 * np.array((width, height, depth)))
         name = f"box{len(self.boxes)}"
         made = self.spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-        made.uservert = (np.array(points) @ axes.TO_SIMULATION.T).ravel()
-        made.usertexcoord = np.array(places).ravel()
-        made.userface = made.userfacetexcoord = np.array(faces).ravel()
+        made.uservert = (points @ axes.TO_SIMULATION.T).ravel()
+        made.usertexcoord = places.ravel()
+        made.userface = made.userfacetexcoord = faces.ravel()
         return name
 
 
@@ -241,30 +211,12 @@ def lens_of(node: Node) -> Lens:
     return Lens(width, height, focal)
 
 
-def colour_of(text: str) -> tuple[float, float, float, float] | None:
-    """The colour that a texture names as `#rrggbb`; None if it names a file."""
-    if re.fullmatch("#[0-9A-Fa-f]{6}", text):
-        red, green, blue = bytes.fromhex(text[1:])
-        return red / 255, green / 255, blue / 255, 1.0
-    return None
-
-
 def picture_of(path: Path) -> Pixels | None:
     """The picture of a file. None, with a warning, if it cannot be read."""
     try:
-        from PIL import Image
-    except ImportError as exc:
-        log.warning("%s is not drawn: pictures need `pip install 'robocomp-py[sim]'` (%s)", path, exc)
-        return None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path) as opened:
-                opened.draft("RGB", (MOST_SHOWN, MOST_SHOWN))
-                opened.thumbnail((MOST_SHOWN, MOST_SHOWN))
-                return np.asarray(opened.convert("RGB"))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as exc:
-        log.warning("%s is not drawn: it is no picture that can be read: %s", path, exc)
+        return read_picture(path)
+    except InnerModelError as exc:
+        log.warning("%s", exc)
         return None
 
 

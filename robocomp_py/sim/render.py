@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from ..errors import ConfigurationError
 from ..innermodel.axes import Array
+from ..innermodel.pictures import Pixels
 from ..innermodel.read import InnerModelError
 from ..spelling import unknown
 from .build import Scene, build
-from .looks import FARTHEST, NEAREST, Pixels, lens_of
+from .looks import FARTHEST, NEAREST, lens_of
 from .noise import normal
 from .unsafe import has_egl, has_osmesa
 

@@ -24,6 +24,7 @@ from ..errors import RobocompError
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.camera import Lens
+from ..innermodel.pictures import MOST_SHOWN, Pixels
 from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
@@ -37,7 +38,7 @@ from .edits import carry, fingerprint
 from .grippers import hold, nearest
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
-from .looks import MOST_SHOWN, Pixels, cameras, lens_of
+from .looks import cameras, lens_of
 from .noise import normal
 from .parameters import BASES, JOINTS, Parameters
 from .render import View

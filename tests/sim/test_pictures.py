@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.innermodel.pictures import Pixels
 from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
-from robocomp_py.sim.looks import Pixels
 from robocomp_py.sim.render import Renderer, chosen
 from robocomp_py.sim.world import World
 

@@ -20,10 +20,11 @@ from ...contract.component import Port
 from ...contract.interface import Interface
 from ...contract.types import Sequence, Struct, Type, arrays
 from ...errors import Closed, RobocompError, TransportError
+from ...innermodel.pictures import Pixels
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from ...runtime.ports import has_subscribers
-from ..looks import Pixels, picture_of
+from ..looks import picture_of
 from ..render import Depths, Renderer, View
 from .bases import state
 from .motors import states

@@ -20,6 +20,7 @@ from .pace import Pace
 from .values import declared, filled, operation
 
 if TYPE_CHECKING:
+    from ...innermodel.tree import Tree
     from ..plans import Outcome
     from ..world import Saved, World
 
@@ -49,6 +50,9 @@ class Controlled(Worker[Any]):
     _token = 0
     _saved: dict[int, Saved]
     """Saved states by their tokens, oldest first."""
+    _told_tree: Tree | None = None
+    _text = ""
+    """`_told_tree` as a file."""
 
     def follow(self) -> None:
         """Go on to the present time, at the speed that was set."""
@@ -123,6 +127,14 @@ class Controlled(Worker[Any]):
             self.world.set_noise(id, sigma)
         except (InnerModelError, ValueError) as exc:
             raise self._refusal("setNoise", str(exc)) from exc
+
+    def Simulation_scene(self) -> str:
+        """The scene as a file."""
+        self.settle()
+        if self._told_tree is not self.world.tree:
+            self._told_tree = self.world.tree
+            self._text = self._told_tree.text().decode()
+        return self._text
 
     def Simulation_poses(self, ids: list[str]) -> Any:
         """Where nodes truly are; all that can move if none is named."""

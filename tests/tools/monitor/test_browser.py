@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,8 +12,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.testing.patience import SOON
-
-HERE = Path(__file__).parent
+from tests.browser import Browser, browsing, started
 
 FILES = {
     "Tick.idsl": """\
@@ -60,43 +56,16 @@ class SpecificWorker(GenericWorker):
 }
 
 
-@contextmanager
-def started(folder: Path, *command: str, **more: Any) -> Iterator[subprocess.Popen[str]]:
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    with subprocess.Popen(command, cwd=folder, env=os.environ | {"PATH": path}, text=True, **more) as process:
-        try:
-            yield process
-        finally:
-            process.terminate()
-            try:
-                process.wait(SOON)
-            except subprocess.TimeoutExpired:
-                process.kill()
-
-
 def component(folder: Path, name: str) -> Any:
     return started(folder, "rc", "run", name)
 
 
-class Browser:
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-
-    def __call__(self, **step: Any) -> Any:
-        assert self._process.stdin
-        assert self._process.stdout
-        self._process.stdin.write(json.dumps(step) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
-        assert line, f"the browser ended at {step}"
-        return json.loads(line)
-
-    def text_of(self, row: str, column: str) -> str:
-        """A script: the text of a cell in the first row of that name; "" if there is none."""
-        return (
-            f"[...document.querySelectorAll('tbody tr')].filter(row => row.cells[0].textContent === {row!r})"
-            f".map(row => [...row.cells].find(cell => cell.dataset.label === {column!r})?.textContent)[0]"
-        )
+def text_of(row: str, column: str) -> str:
+    """A script: the text of a cell in the first row of that name; "" if there is none."""
+    return (
+        f"[...document.querySelectorAll('tbody tr')].filter(row => row.cells[0].textContent === {row!r})"
+        f".map(row => [...row.cells].find(cell => cell.dataset.label === {column!r})?.textContent)[0]"
+    )
 
 
 @pytest.fixture
@@ -106,32 +75,18 @@ def folder(tmp_path: Path) -> Path:
         (tmp_path / name).write_text(text)
     with started(tmp_path, "rcgen", "net.ddsl", "--middleware", "zeromq", stdout=subprocess.DEVNULL) as generating:
         assert generating.wait(SOON * 5) == 0
-    browser = tmp_path / "browser"
-    browser.mkdir()
-    for name in ("package.json", "package-lock.json", ".npmrc", "browser.mjs"):
-        shutil.copy(HERE / name, browser)
-    with started(browser, "npm", "ci", "--silent") as installing:
-        assert installing.wait(SOON * 10) == 0
+    (tmp_path / "browser").mkdir()
     return tmp_path
 
 
 @contextmanager
 def opened(folder: Path, *words: str) -> Iterator[Browser]:
     """The page of a monitor of the network."""
-    chromium = shutil.which("chromium")
-    assert chromium, "install chromium"
-    piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with (
-        started(folder, "rc", "monitor", "net.ddsl", "--every", "0.3", *words, stdout=subprocess.PIPE) as monitor,
-        started(folder / "browser", "node", "browser.mjs", chromium, **piped) as driver,
-    ):
+    command = ("rc", "monitor", "net.ddsl", "--every", "0.3", *words)
+    with started(folder, *command, stdout=subprocess.PIPE) as monitor:
         assert monitor.stdout
-        browser = Browser(driver)
-        assert browser(open=monitor.stdout.readline().strip()) == 200
-        yield browser
-        assert driver.stdin
-        driver.stdin.close()
-        driver.wait(SOON)
+        with browsing(folder / "browser", monitor.stdout.readline().strip()) as browser:
+            yield browser
 
 
 @pytest.mark.tool
@@ -143,14 +98,14 @@ def test_the_page_follows_what_runs(folder: Path) -> None:
             browser(wait="document.querySelectorAll('#picture rect.missing').length === 0")
             # rates and durations of a topic and of a query
             for row in ("TickPub/tick", "Ask/next"):
-                browser(wait=f"parseFloat({browser.text_of(row, 'per s')}) > 0")
-                browser(wait=f"parseFloat({browser.text_of(row, 'p99 ms')}) > 0")
+                browser(wait=f"parseFloat({text_of(row, 'per s')}) > 0")
+                browser(wait=f"parseFloat({text_of(row, 'p99 ms')}) > 0")
             texts = "[...document.querySelectorAll('#picture text.figures')].map(each => each.textContent).join()"
             before = browser(wait=texts)
             browser(wait=f"{texts} !== {json.dumps(before)}")
             # a process is killed
             clockwork.kill()
-            browser(wait=f"{browser.text_of('clockwork', 'state')} === 'missing'")
+            browser(wait=f"{text_of('clockwork', 'state')} === 'missing'")
             shape = "document.querySelector('#picture rect.missing')"
             assert browser(wait=f"{shape} && {shape}.querySelector('title').textContent") == "clockwork"
             assert browser(wait=f"getComputedStyle({shape}).stroke") == "rgb(224, 0, 43)"
@@ -189,15 +144,15 @@ def test_a_process_is_stopped_and_started_from_the_page(folder: Path) -> None:
     ):
 
         def process() -> str:
-            return browser.text_of("clockwork", "process")
+            return text_of("clockwork", "process")
 
-        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'compute'")
+        browser(wait=f"{text_of('clockwork', 'state')} === 'compute'")
         first = browser(wait=process())
         browser(click="button[aria-label='restart clockwork']")
         browser(wait=f"{process()} && {process()} !== {first!r}")
         browser(click="button[aria-label='stop clockwork']")
-        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'missing'")
+        browser(wait=f"{text_of('clockwork', 'state')} === 'missing'")
         browser(click="button[aria-label='start clockwork']")
-        browser(wait=f"{browser.text_of('clockwork', 'state')} === 'compute'")
+        browser(wait=f"{text_of('clockwork', 'state')} === 'compute'")
         assert browser(dialogs=True) == ["restart clockwork?", "stop clockwork?", "start clockwork?"]
         assert browser(complaints=True) == []

@@ -1,11 +1,12 @@
 // Drives a browser by lines of JSON: {"open": URL}, {"wait": JS}, {"press": KEY}, {"width": PIXELS}, {"click": CSS},
+// {"path": [[X, Y], …]} (press there, move, release), {"fill": [CSS, TEXT]},
 // {"requests": true}, {"dialogs": true}. Dialogs are accepted. Each is answered by a line of JSON. Ends with its input.
 import { createInterface } from "node:readline";
 import puppeteer from "puppeteer-core";
 
 const browser = await puppeteer.launch({
   executablePath: process.argv[2],
-  args: ["--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--disable-background-networking"],
+  args: ["--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"],
 });
 const page = await browser.newPage();
 const requests = [], complaints = [];
@@ -20,6 +21,17 @@ const steps = {
   wait: async script => (await page.waitForFunction(script, { timeout: 60000, polling: 50 })).jsonValue(),
   press: async key => page.keyboard.press(key),
   width: async pixels => page.setViewport({ width: pixels, height: 700 }),
+  path: async ([[x, y], ...rest]) => {
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    for (const [x, y] of rest) await page.mouse.move(x, y, { steps: 8 });
+    await page.mouse.up();
+  },
+  fill: async ([selector, text]) => {
+    await page.click(selector, { clickCount: 3 });
+    await page.keyboard.type(text);
+    await page.keyboard.press("Enter");
+  },
   click: async selector => page.click(selector),
   dialogs: async () => dialogs,
   requests: async () => requests,

@@ -1,0 +1,138 @@
+"""`rc sim view`: a scene in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .common import FINE, WRONG, show
+from .completing import What, completed
+from .live import add_middleware, port, reported
+
+if TYPE_CHECKING:
+    from ..sim.view.page import Page
+
+_EXAMPLES = """\
+examples:
+  rc sim view house.xml     a scene; what is changed in its file is shown at once
+  rc sim view house         the scene that runs in the network `house`, as it goes on
+  rc sim view               ... in the network that runs here
+
+Open the URL that it prints. It is for browsers on this machine, and only for those that know its token. Several may
+look. Drag to look around, with the right button to move, turn the wheel to come nearer, and click a shape for what it
+is. End it with Ctrl-C.
+
+exit status: 0 done, 1 the scene is wrong or the port is taken, 2 usage, 130/143 by a signal
+"""
+
+
+VIEW_HELP = "show a scene in the browser, from a file or as it runs"
+
+
+def add_view(to: argparse.ArgumentParser) -> None:
+    to.description = "Serve a page that shows a scene: of a file, or of a component that runs. It changes nothing."
+    to.epilog, to.formatter_class = _EXAMPLES, argparse.RawDescriptionHelpFormatter
+    what = to.add_argument("scene", nargs="?", default="", metavar="FILE.xml|NETWORK", help="a file, or what runs")
+    completed(what, What.NETWORK)
+    to.add_argument("--component", default="", metavar="NAME", help="which one, if several of a network have a scene")
+    add_port(to)
+    add_middleware(to)
+
+
+def add_port(to: argparse.ArgumentParser) -> None:
+    to.add_argument("--port", type=port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")
+
+
+def view(options: argparse.Namespace) -> int:
+    if options.scene.lower().endswith(".xml"):
+        return _view_file(Path(options.scene), options)
+    return _view_network(options)
+
+
+def _view_file(path: Path, options: argparse.Namespace) -> int:
+    if not is_read(path):
+        return WRONG
+    with reported("rc sim view") as code:
+        from ..sim.view.viewing import FileShow
+
+        return served(options.port, path.name, lambda page: FileShow(page, path, tell).follow, command="rc sim view")
+    return code()
+
+
+def _view_network(options: argparse.Namespace) -> int:
+    with reported("rc sim view") as code:
+        from ..client.session import Session
+        from ..sim.view.live import LiveShow, chosen
+        from ..tools.census import check_names
+
+        check_names(options.middleware)
+        session = Session(network_named(options.scene), tuple(options.middleware), 5.0, owner="rc")
+        try:
+            name = chosen(session.census(), options.component)
+            return served(
+                options.port, name, lambda page: LiveShow(page, session, name, tell).follow, command="rc sim view"
+            )
+        finally:
+            session.close()
+    return code()
+
+
+def network_named(text: str) -> str:
+    """The name of a network, by its file or by itself; without a text, of the one that runs here, or "".
+
+    Raises RobocompError.
+    """
+    from ..deploy.client import network_of, networks, running_plan
+    from ..errors import ConfigurationError
+
+    running = networks()
+    if text:
+        name = network_of(text)
+        if running_plan(name) is None:
+            raise ConfigurationError(
+                f"network `{name}` does not run here; start it with rcdeploy, or give the file of a scene (.xml)"
+            )
+        return name
+    if len(running) > 1:
+        raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")
+    return "".join(running)
+
+
+def is_read(path: Path) -> bool:
+    """Tell what `rc lint` tells of a scene; whether it can be read."""
+    from .lint import check
+
+    found = check([path])
+    show(found)
+    return not any(each.severity == "error" for each in found)
+
+
+Follow = Callable[[threading.Event], None]
+"""Goes on until the event is set."""
+
+
+def served(number: int, title: str, begin: Callable[[Page], Follow], *, command: str) -> int:
+    """Serve a page, print its address, and go on until Ctrl-C."""
+    from ..sim.view.page import Page
+
+    try:
+        page = Page(title, number)
+    except OSError as exc:
+        print(f"{command}: port {number}: {exc.strerror}; choose another --port", file=sys.stderr)
+        return WRONG
+    with page:
+        follow = begin(page)
+        print(page.url, flush=True)
+        follow(threading.Event())
+    return FINE
+
+
+def tell(text: str) -> None:
+    """A line for people, which may have texts of other programs."""
+    from ..printable import printable
+
+    print(printable(text), file=sys.stderr, flush=True)

@@ -1,0 +1,115 @@
+"""A running scene on a page: it is asked what it has, and heard where everything moves to."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from ...client.connection import Connection
+from ...client.session import NotThere, Session
+from ...errors import RobocompError, Timeout
+from ...innermodel import axes
+from ...innermodel.axes import Array
+from ...innermodel.tree import Tree
+from ...spelling import unknown
+from ...tools.network import Network
+from .page import Page
+from .viewing import Show, Tell
+
+_LOOK = 1.0
+"""Seconds between two looks at whether the scene was edited."""
+
+_PATIENCE = 0.25
+"""Seconds for which a message is awaited before anything else is done."""
+
+_OPERATION = "/Simulation/now"
+"""The end of the channel by which a component that simulates is found."""
+
+
+def simulators(network: Network) -> list[str]:
+    """The components of a network that simulate a scene."""
+    return [name.removesuffix(_OPERATION) for name in network.channels if name.endswith(_OPERATION)]
+
+
+def chosen(network: Network, wanted: str = "") -> str:
+    """The component whose scene is shown. Raises NotThere."""
+    found = simulators(network)
+    if wanted and wanted not in found:
+        raise NotThere(unknown("component with a scene", wanted, found))
+    if len(found) == 1 or wanted:
+        return wanted or found[0]
+    if found:
+        raise NotThere(f"several components simulate a scene; choose one by --component: {', '.join(found)}")
+    raise NotThere("no component that runs simulates a scene; `rc sim new` writes one")
+
+
+class LiveShow(Show):
+    """The scene of a running component on a page. Only while a page is open, the component is asked anything."""
+
+    def __init__(self, page: Page, session: Session, name: str, tell: Tell) -> None:
+        """Raises a RobocompError if the scene cannot be asked for."""
+        super().__init__(page, tell)
+        self._connection, self._name = Connection(session), name
+        self._text = ""
+        self._trouble = ""
+        self._time: Any = page.server.gui.add_text("time", "", disabled=True)
+        self._renew()
+
+    def follow(self, is_ended: threading.Event) -> None:
+        """Show what happens until the event is set."""
+        heard, looked = None, 0.0
+        while not is_ended.is_set():
+            if not self.is_seen:
+                is_ended.wait(_PATIENCE)
+                looked = 0.0  # then all is asked for again
+                continue
+            try:
+                if time.monotonic() - looked > _LOOK:
+                    looked = time.monotonic()
+                    self._renew()
+                if heard is None:
+                    heard = self._connection[f"{self._name}/SimulationPub/advanced"].listen(_PATIENCE)
+                self._advance(next(heard))
+            except Timeout:
+                continue
+            except RobocompError as exc:
+                self._complain(str(exc))
+                is_ended.wait(_PATIENCE)
+
+    def where(self, node: str) -> Array:
+        """The true pose of a node, seen from the root."""
+        pose = self._connection[f"{self._name}/InnerModelManager"].getPose("root", node).pose
+        return _matrix(pose)
+
+    def _renew(self) -> None:
+        """Show the scene as it is, with all edits."""
+        simulation = self._connection[f"{self._name}/Simulation"]
+        if "scene" not in simulation:
+            raise NotThere(f"{self._name} does not tell its scene: generate its code again, with rcgen, and restart it")
+        text = simulation.scene()
+        poses = {each.id: _matrix(each) for each in simulation.poses([])}
+        if text != self._text:
+            self._text = text
+            self.show(Tree.read(Path(self._name), reading=lambda path: text.encode()), poses)
+        for name, matrix in poses.items():  # a message that told of one may have been lost
+            self.place(name, matrix)
+        self._trouble = ""
+
+    def _advance(self, message: Any) -> None:
+        for each in message.moved:
+            self.place(each.id, _matrix(each))
+        at = message.at
+        state = "stands still" if at.paused else f"{at.reached:.2g} × real time"
+        self._time.value = f"{at.time:.1f} s, {state}{', physics' if at.physics else ''}"
+
+    def _complain(self, text: str) -> None:
+        if text != self._trouble:
+            self._trouble = text
+            self._time.value = "not heard"
+            self._tell(text)
+
+
+def _matrix(pose: Any) -> Array:
+    return axes.pose((pose.x, pose.y, pose.z), axes.rotation(pose.rx, pose.ry, pose.rz))

@@ -1,0 +1,167 @@
+"""The scene on a page: shapes become objects of viser, and only what differs is sent."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+import viser
+import viser.transforms
+from PIL import Image
+
+from ...innermodel import axes
+from ...innermodel.axes import Array
+from ...innermodel.boxes import pictured
+from ...innermodel.mesh import Mesh
+from ...innermodel.read import ROOT_ID
+from .shapes import Block, Eye, Fan, Form, Gallery, Pictured, Shape, Surface
+
+Picked = Callable[[str, int], None]
+"""Gets the id of a node that was clicked, and the number of the page."""
+
+_REACH = 500.0
+"""Length of what shows the directions of a laser, mm."""
+_RAYS = 24
+_EYE: tuple[int, int, int] = (40, 40, 40)
+_LASER: tuple[int, int, int] = (230, 60, 40)
+
+
+@dataclass(slots=True)
+class _Shown:
+    shape: Shape
+    handle: Any
+
+
+class Stage:
+    """What is shown of a scene on all pages of a server. Its methods may be called from any thread."""
+
+    def __init__(self, server: viser.ViserServer, gallery: Gallery, picked: Picked | None = None) -> None:
+        """`picked` is called on a thread of viser."""
+        self._server, self._gallery, self._picked = server, gallery, picked
+        self._shown: dict[tuple[str, str], _Shown] = {}
+        self._carriers: dict[str, Any] = {}
+        self._lock = threading.RLock()
+        self._number = 0
+        self._is_aimed = False
+
+    def show(self, shapes: Iterable[Shape]) -> None:
+        """Show these shapes, and no others."""
+        with self._lock, self._server.atomic():
+            wanted = {(each.node, each.part): each for each in shapes}
+            for key in [key for key in self._shown if key not in wanted]:
+                self._shown.pop(key).handle.remove()
+            for key, shape in wanted.items():
+                before = self._shown.get(key)
+                if before and before.shape.form == shape.form and before.shape.carrier == shape.carrier:
+                    if not np.array_equal(before.shape.pose, shape.pose):
+                        _put(before.handle, shape.pose)
+                    before.shape = shape
+                    continue
+                if before:
+                    before.handle.remove()
+                self._shown[key] = _Shown(shape, self._add(shape))
+            if self._shown and not self._is_aimed:
+                self._aim()
+
+    def place(self, carrier: str, pose: Array) -> None:
+        """Move all shapes of a carrier: its pose, seen from the root, as the page has poses."""
+        with self._lock:
+            _put(self._carrier(carrier), pose)
+
+    def _aim(self) -> None:
+        """Let new pages look at all of it."""
+        self._is_aimed = True
+        places = np.array([each.shape.pose[:3, 3] for each in self._shown.values() if each.shape.carrier == ROOT_ID])
+        if not len(places):
+            places = np.zeros((1, 3))
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2.0
+        away = max(2.0, 1.2 * float(np.linalg.norm(places.max(axis=0) - places.min(axis=0))))
+        camera = self._server.initial_camera
+        camera.look_at = middle
+        camera.position = middle + away * np.array((-0.7, -0.3, 0.8))
+
+    def _carrier(self, name: str) -> Any:
+        if name not in self._carriers:
+            path = f"/{len(self._carriers)}"
+            self._carriers[name] = self._server.scene.add_frame(path, show_axes=False)
+        return self._carriers[name]
+
+    def _add(self, shape: Shape) -> Any:
+        self._number += 1
+        path = f"{self._carrier(shape.carrier).name}/{self._number}"
+        where: dict[str, Any] = _pose(shape.pose)
+        handle = _added(self._server.scene, path, shape.form, self._gallery, where)
+        if self._picked is not None and not isinstance(shape.form, Fan):
+            picked = self._picked
+            handle.on_click(lambda event: picked(shape.node, event.client_id))
+        return handle
+
+
+def _added(scene: viser.SceneApi, path: str, form: Form, gallery: Gallery, where: dict[str, Any]) -> Any:
+    match form:
+        case Block(size=size, colour=colour):
+            return scene.add_box(path, colour, size, **where)
+        case Eye(angle=angle, aspect=aspect):
+            return scene.add_camera_frustum(path, angle, aspect, scale=0.15, color=_EYE, **where)
+        case Fan(angle=angle):
+            return scene.add_line_segments(path, _fan(angle), _LASER, thickness=0.005, **where)
+        case Pictured():
+            return scene.add_mesh_trimesh(path, _pictured(form, gallery), **where)
+        case Surface():
+            return _surface(scene, path, form, gallery, where)
+
+
+def _fan(angle: float) -> Array:
+    """Segments, shape (n, 2, 3)."""
+    ends = np.linspace(-angle / 2.0, angle / 2.0, _RAYS)
+    tips = axes.position_to_simulation(np.stack((np.sin(ends), 0.0 * ends, np.cos(ends)), axis=1) * _REACH)
+    arc = np.stack((tips[:-1], tips[1:]), axis=1)
+    sides = np.stack((np.zeros((2, 3)), tips[[0, -1]]), axis=1)
+    return np.concatenate((arc, sides))
+
+
+def _pictured(form: Pictured, gallery: Gallery) -> trimesh.Trimesh:
+    pixels = gallery.picture(form.path, form.stamp)
+    assert not isinstance(pixels, str)
+    points, places, faces = pictured(np.array(form.size))
+    places[:, 1] = 1.0 - places[:, 1]  # trimesh has its places from the lower left corner
+    visuals: Any = trimesh.visual.texture  # it has no types
+    look = visuals.TextureVisuals(uv=places, image=Image.fromarray(pixels))
+    return trimesh.Trimesh(axes.position_to_simulation(points), faces, visual=look, process=False)
+
+
+def _surface(scene: viser.SceneApi, path: str, form: Surface, gallery: Gallery, where: dict[str, Any]) -> Any:
+    mesh = gallery.mesh(form)
+    assert isinstance(mesh, Mesh)
+    points = axes.position_to_simulation(mesh.vertices)
+    first = mesh.colours[0]
+    if form.is_wireframe or (mesh.colours == first).all():
+        colour = (int(first[0]), int(first[1]), int(first[2]))
+        return scene.add_mesh_simple(
+            path,
+            points,
+            mesh.faces,
+            color=colour,
+            wireframe=form.is_wireframe,
+            flat_shading=True,
+            side="double",
+            **where,
+        )
+    corners = np.arange(3 * len(mesh.faces)).reshape(-1, 3)  # a corner has one colour: faces share none
+    look = np.repeat(mesh.colours, 3, axis=0)
+    made = trimesh.Trimesh(points[mesh.faces].reshape(-1, 3), corners, vertex_colors=look, process=False)
+    return scene.add_mesh_trimesh(path, made, **where)
+
+
+def _pose(matrix: Array) -> dict[str, Any]:
+    turn = viser.transforms.SO3.from_matrix(matrix[:3, :3])
+    return {"position": matrix[:3, 3].copy(), "wxyz": turn.wxyz}
+
+
+def _put(handle: Any, matrix: Array) -> None:
+    for name, value in _pose(matrix).items():
+        setattr(handle, name, value)

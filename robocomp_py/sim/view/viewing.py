@@ -1,0 +1,129 @@
+"""Pages that only show: of a scene's file, and what is common to them and to those of a running scene."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any
+
+import viser
+
+from ...innermodel import axes
+from ...innermodel.axes import Array
+from ...innermodel.nodes import TAGS
+from ...innermodel.read import ROOT_ID, InnerModelError, read_file
+from ...innermodel.tree import Tree
+from ...innermodel.write import as_text
+from .page import Page
+from .shapes import Gallery, drawn, on_page
+from .stage import Stage
+
+Tell = Callable[[str], None]
+"""Gets a line for people."""
+
+_NOTHING = "Click something."
+
+
+class Show:
+    """A tree on a page, with what a click tells of a node."""
+
+    def __init__(self, page: Page, tell: Tell) -> None:
+        self._server, self._tell = page.server, tell
+        self._told: set[str] = set()
+        self._gallery = Gallery()
+        self._stage = Stage(page.server, self._gallery, self._picked)
+        self._facts: dict[int, Any] = {}
+        """What pages show of a node, by their numbers."""
+        self.tree = Tree()
+        page.server.on_client_connect(self._opened)
+        page.server.on_client_disconnect(lambda client: self._facts.pop(client.client_id, None))
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether a page is open."""
+        return bool(self._facts)
+
+    def show(self, tree: Tree, carriers: Collection[str] = ()) -> None:
+        """Show a tree. What is at or below `carriers` is moved by `place`."""
+        self.tree = tree
+        drawing = drawn(tree, self._gallery, carriers)
+        for each in drawing.troubles:
+            if each not in self._told:
+                self._told.add(each)
+                self._tell(each)
+        self._stage.show(drawing.shapes)
+
+    def place(self, carrier: str, matrix: Array) -> None:
+        """Move a carrier to where a pose of InnerModel says, seen from the root."""
+        self._stage.place(carrier, on_page(matrix))
+
+    def where(self, node: str) -> Array:
+        """The pose of a node, seen from the root."""
+        return self.tree.matrix(ROOT_ID, node)
+
+    def _opened(self, client: viser.ClientHandle) -> None:
+        self._facts[client.client_id] = client.gui.add_text("node", _NOTHING, multiline=True, disabled=True)
+
+    def _picked(self, node: str, client: int) -> None:
+        text = self._facts.get(client)
+        if text is not None and node in self.tree:
+            text.value = facts(self.tree, node, self.where(node))
+
+
+class FileShow(Show):
+    """A file on a page. It is read again when it, or a file that it includes, has changed."""
+
+    def __init__(self, page: Page, path: Path, tell: Tell) -> None:
+        """Raises InnerModelError if the file is wrong."""
+        super().__init__(page, tell)
+        self._path = path
+        self._stamps: dict[Path, int] = {}
+        self.show(self._read())
+
+    def follow(self, is_ended: threading.Event, every: float = 0.5) -> None:
+        """Read changes until the event is set."""
+        while not is_ended.wait(every):
+            self.look()
+
+    def look(self) -> None:
+        """Read the file again if it has changed. What is wrong then is told, and nothing else changes."""
+        if self._stamps == {each: stamp(each) for each in self._stamps}:
+            return
+        try:
+            self.show(self._read())
+        except InnerModelError as exc:
+            self._tell(str(exc))
+
+    def _read(self) -> Tree:
+        stamps: dict[Path, int] = {self._path: stamp(self._path)}
+
+        def reading(path: Path) -> bytes:
+            stamps[path] = stamp(path)
+            return read_file(path)
+
+        self._stamps = stamps
+        return Tree.read(self._path, reading=reading)
+
+
+def facts(tree: Tree, name: str, pose: Array) -> str:
+    """What a node is, in lines for people."""
+    node = tree.node(name)
+    place = tree.place(name)
+    turn = axes.angles(pose[:3, :3])
+    lines = [f"{node.tag} {name}", *([str(place)] if place else []), f"in {node.parent}" if node.parent else ""]
+    lines.append("at " + ", ".join(f"{round(each)}" for each in pose[:3, 3]) + " mm")
+    lines.append("turned " + ", ".join(f"{round(each, 3) + 0.0:.3f}" for each in turn) + " rad")
+    known = TAGS[node.tag].attributes
+    lines += [
+        f"{key} = {as_text(value)}" for key, value in node.values.items() if key != "id" and value != known[key].default
+    ]
+    return "\n".join(each for each in lines if each)
+
+
+def stamp(path: Path) -> int:
+    """When a file was changed, ns; 0 if it is not there."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0

@@ -1,0 +1,149 @@
+"""Pages that show a scene, visited by a program."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from robocomp_py.innermodel.read import InnerModelError
+from robocomp_py.sim.view.page import Page
+from robocomp_py.sim.view.viewing import FileShow
+from robocomp_py.testing.patience import SOON
+from tests.sim.view.visitor import visiting
+
+SCENE = """\
+<innerModel>
+  <transform id="world">
+    <plane id="floor" size="4000,10,4000" texture="#999999"/>
+    <transform id="shelf" tx="1000"><plane id="board" py="500" size="600,20,300"/></transform>
+    <mesh id="lost" file="nowhere.obj"/>
+  </transform>
+</innerModel>
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE)
+    return path
+
+
+@contextmanager
+def page() -> Iterator[Page]:
+    with Page("a scene") as made:
+        yield made
+
+
+def rewritten(path: Path, text: str) -> None:
+    """Write a file such that it is seen to be another one."""
+    before = path.stat().st_mtime_ns
+    path.write_text(text)
+    os.utime(path, ns=(before + 10**6, before + 10**6))
+
+
+def test_a_scene_is_shown(scene: Path) -> None:
+    told: list[str] = []
+    with page() as served:
+        FileShow(served, scene, told.append)
+        with visiting(served.url) as visitor:
+            visitor.awaits(lambda: len(visitor.shown("Box")) == 3)
+            boxes = {each["dimensions"][1]: each["where"] for each in visitor.shown("Box")}
+            assert boxes[0.6][:3, 3] == pytest.approx((0, -1, 0.5))
+    assert told == [f"{scene}:5:5: `lost` is shown as a box: there is no file `nowhere.obj`"]
+
+
+def test_a_click_tells_what_a_node_is_to_the_page_that_clicked(scene: Path) -> None:
+    with page() as served:
+        FileShow(served, scene, print)
+        with visiting(served.url) as visitor, visiting(served.url) as other:
+            visitor.awaits(lambda: visitor.field("node") and other.field("node"))
+            board = next(each for each in visitor.shown("Box") if each["dimensions"][1] == 0.6)
+            visitor.click(board["name"])
+            visitor.awaits(lambda: "board" in visitor.value("node"))
+            lines = visitor.value("node").splitlines()
+            assert other.value("node") == "Click something."
+    assert lines == [
+        "plane board",
+        f"{scene}:4:37",
+        "in shelf",
+        "at 1000, 500, 0 mm",
+        "turned 0.000, 0.000, 0.000 rad",
+        "size = 600,20,300",
+        "py = 500",
+    ]
+
+
+def test_changes_of_the_file_are_shown_and_troubles_told_once(scene: Path) -> None:
+    told: list[str] = []
+    with page() as served:
+        show = FileShow(served, scene, told.append)
+        with visiting(served.url) as visitor:
+            visitor.awaits(lambda: len(visitor.shown("Box")) == 3)
+            names = {each["name"] for each in visitor.shown("Box")}
+            rewritten(scene, SCENE.replace('tx="1000"', 'tx="2000"'))
+            show.look()
+            visitor.awaits(lambda: any(each["where"][1, 3] == pytest.approx(-2) for each in visitor.shown("Box")))
+            assert {each["name"] for each in visitor.shown("Box")} == names  # only moved
+            assert len(told) == 1
+            rewritten(scene, SCENE.replace("</transform>", "", 1))
+            show.look()
+            show.look()
+            assert "error[syntax]" in told[1]
+            assert len(told) == 2
+            rewritten(scene, SCENE.replace('size="600', 'size="700'))
+            show.look()
+            visitor.awaits(lambda: any(each["dimensions"][1] == 0.7 for each in visitor.shown("Box")))
+            assert len(visitor.shown("Box")) == 3
+
+
+def test_a_broken_scene_is_not_shown(scene: Path) -> None:
+    scene.write_text("<innerModel><plan id='x'/></innerModel>")
+    with page() as served, pytest.raises(InnerModelError, match="did you mean"):
+        FileShow(served, scene, print)
+
+
+def test_a_page_is_served_only_to_those_that_know_the_token() -> None:
+    with page() as served:
+        parts = urlsplit(served.url)
+        answers = {}
+        for name, path, headers in [
+            ("the page", f"/?{parts.query}", {}),
+            ("no token", "/", {}),
+            ("a wrong token", "/?token=x", {}),
+            ("another host", f"/?{parts.query}", {"Host": "example.org"}),
+            ("another origin", f"/?{parts.query}", {"Origin": "http://example.org"}),
+        ]:
+            with closing(http.client.HTTPConnection(parts.netloc, timeout=SOON)) as connection:
+                connection.request("GET", path, headers=headers)
+                with connection.getresponse() as response:
+                    answers[name] = response.status
+    assert answers == {
+        "the page": 200,
+        "no token": 403,
+        "a wrong token": 403,
+        "another host": 403,
+        "another origin": 403,
+    }
+
+
+@pytest.mark.parametrize("origin", [None, "http://example.org"])
+def test_a_page_from_elsewhere_cannot_connect(origin: str | None) -> None:
+    with page() as served:
+        parts = urlsplit(served.url)
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(f"ws://{parts.netloc}/?{parts.query}", origin=origin, open_timeout=SOON)  # type: ignore[arg-type]
+
+
+def test_a_port_that_is_taken_is_not_replaced_by_another() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other, pytest.raises(OSError, match="in use"):
+        Page("a scene", other.getsockname()[1])
