@@ -71,6 +71,12 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.sim.world": BUILD
     | MIDDLEWARES
     | {"robocomp_py.contract", "robocomp_py.wire", "robocomp_py.transports", "robocomp_py.runtime", "trimesh"},
+    "robocomp_py.sim.view.shapes": BUILD
+    | MIDDLEWARES
+    | {"viser", "mujoco", "trimesh", "robocomp_py.contract", "robocomp_py.transports", "robocomp_py.runtime"},
+    "robocomp_py.sim.view.viewing": BUILD - {"rich"}
+    | MIDDLEWARES
+    | {"mujoco", "robocomp_py.contract", "robocomp_py.transports", "robocomp_py.runtime"},
     "robocomp_py.client": BUILD | MIDDLEWARES | {"msgpack", "matplotlib", "robocomp_py.actions"},
     "robocomp_py.wire.schema": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.tools.recording.reader": BUILD | MIDDLEWARES | {"mcap", "robocomp_py.runtime", "msgpack"},

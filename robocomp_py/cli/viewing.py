@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import threading
 from collections.abc import Callable
@@ -122,7 +123,7 @@ def served(number: int, title: str, begin: Callable[[Page], Follow], *, command:
     try:
         page = Page(title, number)
     except OSError as exc:
-        print(f"{command}: port {number}: {exc.strerror}; choose another --port", file=sys.stderr)
+        print(f"{command}: port {number}: {os.strerror(exc.errno or 0)}; choose another --port", file=sys.stderr)
         return WRONG
     with page:
         follow = begin(page)

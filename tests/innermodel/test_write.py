@@ -165,3 +165,25 @@ def test_a_file_in_latin_1_stays_so(tmp_path: Path) -> None:
     again = Tree.read(path)
     assert again.ids == ["root", "é", "sol"]
     assert again.node("sol").values["texture"] == "à €"
+
+
+def test_a_tree_is_one_text_with_absolute_paths(tmp_path: Path) -> None:
+    (tmp_path / "more.xml").write_text('<innerModel><mesh id="cup" file="cup.obj" scale="2"/></innerModel>')
+    (tmp_path / "cup.obj").write_text("")
+    main = tmp_path / "main.xml"
+    main.write_text('<innerModel><!-- a --><transform id="t"><include path="more.xml"/></transform></innerModel>')
+    tree = Tree.read(main)
+    tree.add("t", "plane", "board", texture="nowhere.png")
+    assert (
+        tree.text().decode()
+        == f"""\
+<innerModel>
+    <transform id="t">
+        <mesh id="cup" file="{tmp_path}/cup.obj" scale="2"/>
+        <plane id="board" texture="nowhere.png"/>
+    </transform>
+</innerModel>
+"""
+    )
+    assert tree.texts() != {}
+    assert tree.node("cup").values["file"] == "cup.obj"

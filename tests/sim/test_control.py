@@ -154,6 +154,17 @@ def test_poses_are_true_and_seen_from_the_root(house: ComponentTest) -> None:
     assert front.ry == pytest.approx(0.5)
 
 
+def test_the_scene_is_told_as_a_file(house: ComponentTest) -> None:
+    package = type(house.worker).__module__.rpartition(".")[0]
+    pose = importlib.import_module(f"{package}.generic.RoboCompInnerModelManager").Pose3D(z=3000.0)
+    house.call("InnerModelManager.addTransform", "shelf", "static", "world", pose)
+    text = house.call("Simulation.scene")
+    assert '<transform id="shelf" tz="3000"/>' in text
+    assert '<joint id="pan" ty="300" axis="y">' in text
+    assert house.call("Simulation.scene") == text
+    house.call("InnerModelManager.removeNode", "shelf")
+
+
 def test_what_has_moved_is_published(house: ComponentTest) -> None:
     told: list[Any] = []
 

@@ -47,6 +47,7 @@ class Stage:
         self._lock = threading.RLock()
         self._number = 0
         self._is_aimed = False
+        server.scene.add_light_ambient("/light", intensity=1.5)  # or what turns away from the sun would be black
 
     def show(self, shapes: Iterable[Shape]) -> None:
         """Show these shapes, and no others."""

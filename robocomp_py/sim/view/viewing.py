@@ -5,9 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
-
-import viser
+from typing import TYPE_CHECKING, Any
 
 from ...innermodel import axes
 from ...innermodel.axes import Array
@@ -18,6 +16,9 @@ from ...innermodel.write import as_text
 from .page import Page
 from .shapes import Gallery, drawn, on_page
 from .stage import Stage
+
+if TYPE_CHECKING:
+    import viser  # loaded by `page`, which says what to install if it is not there
 
 Tell = Callable[[str], None]
 """Gets a line for people."""
