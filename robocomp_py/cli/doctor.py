@@ -7,10 +7,12 @@ import json
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from .common import FINE, USAGE, WRONG, add_include
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import add_json, add_middleware, reported
 from .model import declared
 
@@ -27,13 +29,16 @@ examples:
   rc doctor                        look at this machine, and at everything that runs on it
   rc doctor rescue.ddsl            ... and compare it with what a network declares
   rc doctor --check qos            only one check; may be repeated
+  rc doctor --host base            only one host of a network that rcdeploy runs here
   rc doctor --list                 the names of all checks
   rc doctor --json                 a finding a line, for machines
 
 A finding is an error or a warn(ing): what is wrong, and what to do. A note may be meant to be so.
-Without a network, what runs is compared with the plans of all networks that rcdeploy runs here.
+Without a network, what runs is compared with the plans of all networks that rcdeploy runs here. The other hosts of
+networks that run are looked at, too.
 
-exit status: 0 nothing is wrong (there may be notes), 1 something is, 2 usage, 130/143 by a signal
+exit status: 0 nothing is wrong (there may be notes), 1 something is, 2 usage, 3 a host is out of reach, 130/143 by a
+signal
 """
 
 
@@ -46,12 +51,14 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--check", action="append", default=[], metavar="NAME", help="only this check; may be repeated")
     to.add_argument("--list", action="store_true", help="list the checks")
     add_include(to)
+    add_hosts(to, network=False)
     add_middleware(to)
     add_json(to)
 
 
 def run(options: argparse.Namespace) -> int:
     from ..spelling import unknown
+    from ..tools.census import check_names
     from ..tools.doctor.checks import CHECKS, examine
     from ..tools.doctor.collect import collect
     from ..tools.doctor.facts import Weight
@@ -67,27 +74,31 @@ def run(options: argparse.Namespace) -> int:
             print(json.dumps({"check": name, "finds": text}) if options.json else f"{name:{width}}  {text}")
         return FINE
     with reported("rc doctor") as code:
+        check_names(options.middleware)
         plans = list(_plans(options))
         launched, complaints, unheard = _told_by_launchers(plans)
-        facts, troubles = collect(options.middleware, plans, list(_killed()), launched, complaints)
+        with hosts_of(options, running=False) as hosts:
+            told = plans, list(_killed()) if hosts.here else [], launched, complaints
+            facts, troubles = collect(options.middleware, *told, look=hosts.look, posts=hosts.posts, here=hosts.here)
         troubles += unheard
         for each in troubles:
             print(f"rc doctor: could not look: {_shown(each)}", file=sys.stderr)
         found = list(examine(facts, options.check))
         for name, finding in found:
             if options.json:
-                told = {"weight": finding.weight, "check": name, "text": finding.text, "advice": finding.advice}
-                print(json.dumps(told))
+                print(json.dumps({"check": name, **asdict(finding)}))
             else:
-                print(f"{finding.weight:5}  {_shown(finding.text)}: {_shown(finding.advice)}")
+                there, do = (f"{finding.host}: ", f"on {finding.host}: ") if finding.host else ("", "")
+                print(f"{finding.weight:5}  {there}{_shown(finding.text)}: {do}{_shown(finding.advice)}")
         wrong = sum(finding.weight is not Weight.NOTE for _, finding in found)
         notes = len(found) - wrong
         if not options.json:
             number = len(facts.network.components())
-            looked = f"{len(options.check) or len(CHECKS)} checks of this machine and {number} components"
+            machines = [*(["this machine"] if hosts.here else []), *(each.host for each in facts.places)]
+            looked = f"{len(options.check) or len(CHECKS)} checks of {', '.join(machines)} and {number} components"
             also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
             print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
-        return WRONG if wrong or troubles else FINE
+        return hosts.code(WRONG if wrong or troubles else FINE)
     return code()
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from .common import FINE, USAGE, WRONG, complain, show
 from .completing import completed
+from .hosts import add_hosts, hosts_of
 from .live import reported
 from .model import declared
 from .network import add_overrides, overrides_of
@@ -33,7 +35,7 @@ With --live, what is declared and not there is red, and what is there and not de
 has the messages or calls of one second, and the median and the 99th percentile of durations: of calls the round trip,
 of messages the run of the subscriber's handler. It is thick if it fails, loses messages, or is near a deadline.
 
-exit status: 0 fine, 1 the file is wrong or what runs cannot be seen, 2 usage
+exit status: 0 fine, 1 the file is wrong or what runs cannot be seen, 2 usage, 3 a host is out of reach
 """
 
 _PIXELS = 2
@@ -53,6 +55,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         metavar="PICTURE",
         help="where to write it: .svg, .png, and for networks .dot or .mmd (default: SVG on stdout)",
     )
+    add_hosts(to, network=False)
     add_overrides(to)
 
 
@@ -60,8 +63,7 @@ def run(options: argparse.Namespace) -> int:
     path, output = options.file, options.output
     kind, ending = path.suffix.lower(), output.suffix.lower() if output else ".svg"
     if options.live:
-        drawn = _live(options, ending)
-        return drawn if isinstance(drawn, int) else _written(drawn, output)
+        return _live(options, ending)
     if kind not in (".ddsl", ".smdsl", ".scxml"):
         return complain(f"rc graph: {path} is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml")
     endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
@@ -104,8 +106,8 @@ def _network(options: argparse.Namespace, ending: str) -> str | int:
     return ways.get(ending, netsvg.draw)(graph_of(plan))
 
 
-def _live(options: argparse.Namespace, ending: str) -> str | int:
-    """What runs now; it is looked at twice, for rates."""
+def _live(options: argparse.Namespace, ending: str) -> int:
+    """Draw what runs now; it is looked at twice, for rates."""
     from ..graph.netsvg import draw
     from ..tools.access import Access
     from ..tools.lookout import Lookout, seen_twice
@@ -116,13 +118,14 @@ def _live(options: argparse.Namespace, ending: str) -> str | int:
     if options.middleware or options.set:
         print("rc graph: --live shows what runs: leave out --middleware and --set", file=sys.stderr)
         return USAGE
+    options.network = str(options.file)
     with reported("rc graph") as code:
-        plan = declared(str(options.file), options.include)
-        with Access() as access:
-            look = seen_twice(Lookout(access, lambda: plan))
+        plan = declared(options.network, options.include)
+        with hosts_of(options, running=False) as hosts, Access() as access:
+            look = seen_twice(Lookout(access, lambda: plan, partial(hosts.look, ())))
         for each in look.troubles:
             print(f"rc graph: could not look: {each}", file=sys.stderr)
-        return draw(picture(look))
+        return hosts.code(_written(draw(picture(look)), options.output))
     return code()
 
 

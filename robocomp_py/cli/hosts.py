@@ -7,6 +7,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from .common import FINE, UNREACHABLE
 from .completing import What, completed
 
 if TYPE_CHECKING:
+    from ..tools.census import Seen
     from ..tools.network import Network
     from ..tools.posts import Post
 
@@ -22,14 +24,16 @@ HERE = "here"
 """The name of this host, for options."""
 
 
-def add_hosts(to: argparse.ArgumentParser) -> None:
-    network = to.add_argument(
-        "--network",
-        metavar="NET",
-        help="a network that rcdeploy runs here, by its name or file: also look at its other hosts (default: all that "
-        "run here)",
-    )
-    completed(network, What.NETWORK)
+def add_hosts(to: argparse.ArgumentParser, *, network: bool = True) -> None:
+    """Without `network`, for commands that have another argument for it."""
+    if network:
+        named = to.add_argument(
+            "--network",
+            metavar="NET",
+            help="a network that rcdeploy runs here, by its name or file: also look at its other hosts (default: all "
+            "that run here)",
+        )
+        completed(named, What.NETWORK)
     to.add_argument(
         "--keys",
         metavar="DIR",
@@ -58,28 +62,43 @@ class Hosts:
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         """`options` are those of middlewares on this host."""
-        self.posts, self._host_of, self._here, self._options = posts, host_of, here, options
+        self.posts, self._host_of, self.here, self._options = posts, host_of, here, options
         self.lost: dict[str, str] = {}
         """The hosts that the last census could not ask, and why."""
 
     def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
         """As `tools.census.take_census`. What cannot be asked on another host is told on stderr, once."""
-        from ..tools.census import check_names, take_census
+        from ..tools.census import Seen, check_names, take_census
         from ..tools.network import Network
 
         if not self.posts:
             return take_census(middlewares, own=own, options=self._options)
+        check_names(middlewares)
+        here = take_census(middlewares, own=True, options=self._options).ends if self.here else ()
+        known = set(self.lost)
+        seen = self._merged(Seen(list(here)), middlewares)
+        for text in [why for host, why in self.lost.items() if host not in known] + seen.troubles:
+            print(f"warning: {text}", file=sys.stderr)
+        return Network(seen.ends, own=own)
+
+    def look(self, middlewares: Sequence[str]) -> Seen:
+        """As `tools.census.take_each`. Hosts that cannot be asked are among the troubles."""
+        from ..tools.census import Seen, take_each
+
+        here = take_each(middlewares, self._options) if self.here else Seen()
+        if not self.posts:
+            return here
+        seen = self._merged(here, middlewares)
+        return replace(seen, troubles=[*self.lost.values(), *seen.troubles])
+
+    def _merged(self, here: Seen, middlewares: Sequence[str]) -> Seen:
+        from ..tools.census import Seen
         from ..tools.posts import merged, survey
         from ..transports.deployment import deployment_of
 
-        check_names(middlewares)
-        here = take_census(middlewares, own=True, options=self._options).ends if self._here else ()
-        elsewhere, lost, troubles = survey(self.posts, middlewares)
-        for text in [why for host, why in lost.items() if host not in self.lost] + troubles:
-            print(f"warning: {text}", file=sys.stderr)
-        self.lost = lost
-        ends = merged(here, elsewhere, self._host_of, lambda name: bool(deployment_of(name).directory))
-        return Network(ends, own=own)
+        there, self.lost = survey(self.posts, middlewares)
+        ends = merged(here.ends, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
+        return Seen(ends, {**here.tellers, **there.tellers}, [*here.troubles, *there.troubles])
 
     def code(self, code: int = FINE) -> int:
         """The exit code of a command that would end with `code`: it says so if a host was out of reach."""
@@ -87,12 +106,15 @@ class Hosts:
 
 
 @contextlib.contextmanager
-def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
-    """The hosts that these options mean. Their scouts end with it. Raises RobocompError."""
+def hosts_of(options: argparse.Namespace, *, running: bool = True) -> Iterator[Hosts]:
+    """The hosts that these options mean. Their scouts end with it.
+
+    Unless `running`, the network need not run: then there is only this host. Raises RobocompError.
+    """
     from ..errors import ConfigurationError
     from ..spelling import unknown
 
-    plans = _plans(options.network)
+    plans = _plans(options.network, running=running)
     known = {host["name"]: name for name, plan in plans.items() for host in plan["hosts"]}
     for name in options.hosts:
         if name not in known and name != HERE:
@@ -109,6 +131,9 @@ def hosts_of(options: argparse.Namespace) -> Iterator[Hosts]:
     posts = [Post(name, partial(_connected, known[name], name)) for name in wanted]
     processes = [each for plan in plans.values() for each in plan["processes"]]
     host_of = {instance: each["host"] for each in processes for instance in each["instances"]}
+    for plan in plans.values():  # some are not called as their channels are
+        ours = plan.get("ours", {})
+        host_of |= {each["channels"].strip("/"): host_of[name] for name, each in ours.items() if name in host_of}
     try:
         yield Hosts(posts, host_of, here=here, options=_operator(plans, options))
     finally:
@@ -148,7 +173,7 @@ def _connected(network: str, host: str) -> Any:
     return ScoutLine(network, host)
 
 
-def _plans(wanted: str | None) -> dict[str, Any]:
+def _plans(wanted: str | None, *, running: bool) -> dict[str, Any]:
     """The plans of running networks that have other hosts, by name.
 
     What makes a connection takes long to import, so plans are looked into first.
@@ -173,7 +198,7 @@ def _plans(wanted: str | None) -> dict[str, Any]:
                 raise
             print(f"warning: {exc}", file=sys.stderr)
             continue
-        if wanted and plan is None:
+        if wanted and plan is None and running:
             raise NotRunning(not_running(name))
         if plan and plan.get("hosts"):
             found[name] = plan

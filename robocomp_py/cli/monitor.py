@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .common import WRONG, add_include
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import add_json, add_middleware, port, positive, reported
 from .model import declared
+
+if TYPE_CHECKING:
+    from ..tools.census import Seen
 
 NAME = "monitor"
 HELP = "show a running network in the browser: components, connections, rates, what is missing"
@@ -53,6 +58,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="let the page restart, stop and start processes of the network, after a question",
     )
     add_include(to)
+    add_hosts(to, network=False)
     add_middleware(to)
     add_json(to)
 
@@ -74,9 +80,13 @@ def run(options: argparse.Namespace) -> int:
         except OSError as exc:
             print(f"rc monitor: port {options.port}: {exc.strerror}; choose another --port", file=sys.stderr)
             return WRONG
-        with server, Access() as access:
+        options.network = name
+        with contextlib.ExitStack() as end:
+            see = sight(options, end)
+            access = end.enter_context(Access())
+            end.enter_context(server)
             print(json.dumps({"url": server.url}) if options.json else server.url, flush=True)
-            watch(board, Lookout(access, plan, options.middleware, except_pid=os.getpid()).look, options.every)
+            watch(board, Lookout(access, plan, see, except_pid=os.getpid()).look, options.every)
     return code()
 
 
@@ -123,3 +133,19 @@ def _plan(name: str, options: argparse.Namespace) -> Callable[[], Mapping[str, A
         return last
 
     return plan
+
+
+def sight(options: argparse.Namespace, end: contextlib.ExitStack) -> Callable[[], Seen]:
+    """What tells what runs on all hosts. A network may be started later, and then has other hosts."""
+    hosts = end.enter_context(hosts_of(options, running=False))
+
+    def see() -> Seen:
+        nonlocal hosts
+        if not hosts.posts:
+            with contextlib.ExitStack() as trying:
+                hosts = trying.enter_context(hosts_of(options, running=False))
+                if hosts.posts:
+                    end.push(trying.pop_all())
+        return hosts.look(options.middleware)
+
+    return see

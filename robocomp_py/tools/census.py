@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from .. import installed
@@ -10,6 +11,18 @@ from ..errors import ConfigurationError, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of, deployments
 from .network import End, Network
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What processes announce, and what could not be looked at."""
+
+    ends: list[End] = field(default_factory=list)
+    """The interfaces of the framework included."""
+    tellers: dict[str, frozenset[str]] = field(default_factory=dict)
+    """The middlewares that could tell what uses them, by the host that was asked; "" is this one."""
+    troubles: list[str] = field(default_factory=list)
+    """What went wrong."""
 
 
 def take_census(
@@ -39,22 +52,19 @@ def check_names(middlewares: Sequence[str]) -> None:
             raise ConfigurationError(unknown("middleware", name, installed.transports()))
 
 
-def take_each(middlewares: Sequence[str] = ()) -> tuple[list[End], list[str], list[str]]:
-    """What is announced, the interfaces of the framework included; the middlewares that could tell it; what went wrong.
-
-    By default, all middlewares are asked.
-    """
+def take_each(middlewares: Sequence[str] = (), options: Mapping[str, Mapping[str, Any]] | None = None) -> Seen:
+    """The same, but what goes wrong with one middleware is only told. By default, all middlewares are asked."""
     ends: list[End] = []
     tellers, troubles = [], []
     for name in middlewares or _nearest_first(deployments()):
         try:
-            ends += take_census((name,), own=True).ends
+            ends += take_census((name,), own=True, options=options).ends
             tellers.append(name)
         except ConfigurationError:
             continue  # it is not installed, or cannot tell
         except TransportError as exc:
             troubles.append(str(exc))
-    return ends, tellers, troubles
+    return Seen(ends, {"": frozenset(tellers)}, troubles)
 
 
 def _nearest_first(names: Iterable[str]) -> list[str]:

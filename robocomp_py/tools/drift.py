@@ -2,7 +2,7 @@
 
 declared, and runs             present
 declared, and does not run     missing: an instance, or a use that is not connected over the declared middleware
-declared, and not visible      unseen: on another host, within one process, or a program without contracts
+declared, and not visible      unseen: on a host that is not looked at, within one process, or without contracts
 runs, and is not declared      undeclared: what uses the instances of the network, or is used by them
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 from ..contract.interface import Pattern, Verb
 from ..wire import names
-from .network import Channel, End, Network
+from .network import Channel, End, Network, Process
 
 _BEHAVIOR = "CommonBehavior"
 """Every component provides it, so it tells which ones are there."""
@@ -33,9 +33,13 @@ class Instance:
     name: str
     """The network's name for it; of one that is not declared, its own with its process, as `spy (process 8)`."""
     presence: Presence
-    pids: frozenset[int] = frozenset()
+    processes: frozenset[Process] = frozenset()
     prefix: str = ""
     """The prefix of its channels, its own name for itself."""
+
+    @property
+    def pids(self) -> frozenset[int]:
+        return frozenset(each.pid for each in self.processes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +75,11 @@ class Drift:
         return next((each.presence for each in self.instances if each.name == name), Presence.UNSEEN)
 
 
-def compare(plan: Mapping[str, Any], network: Network, tellers: Collection[str] | None = None) -> Drift:
+def compare(plan: Mapping[str, Any], network: Network, tellers: Mapping[str, Collection[str]] | None = None) -> Drift:
     """What a network declares, as `Plan.to_json`, beside what runs.
 
-    `tellers` are the middlewares that could tell what uses them; None means all. Raises ValueError if the plan is of
-    another version.
+    `tellers` are the middlewares that could tell what uses them, by the hosts that were looked at, "" being this one;
+    None means all of this host. Raises ValueError if the plan is of another version.
     """
     try:
         comparison = _Comparison(plan, network, tellers)
@@ -91,11 +95,13 @@ def compare(plan: Mapping[str, Any], network: Network, tellers: Collection[str] 
 def observed(network: Network) -> Drift:
     """The same for what runs without any declaration: everything is present."""
     called = _names_of(network)
-    instances = (Instance(name, Presence.PRESENT, frozenset((pid,)), owner) for (owner, pid), name in called.items())
+    instances = (
+        Instance(name, Presence.PRESENT, frozenset((process,)), owner) for (owner, process), name in called.items()
+    )
     uses = (
         Use(
-            called[user.told.owner, user.told.pid],
-            called[provider.told.owner, provider.told.pid],
+            called[user.told.owner, user.process],
+            called[provider.told.owner, provider.process],
             channel.name,
             user.middleware,
             channel.pattern is Pattern.PUBLISH,
@@ -105,63 +111,68 @@ def observed(network: Network) -> Drift:
         for channel in network.channels.values()
         for provider in channel.providers
         for user in channel.users
-        if provider.told[:2] != user.told[:2]
+        if (provider.told.owner, provider.process) != (user.told.owner, user.process)
     )
     return Drift("", tuple(instances), tuple(dict.fromkeys(uses)))
 
 
-def _names_of(network: Network) -> dict[tuple[str, int], str]:
+def _names_of(network: Network) -> dict[tuple[str, Process], str]:
     """What each component is called, by its owner and process: with the process only if two have one name."""
-    owners: dict[str, set[int]] = {}
+    owners: dict[str, set[Process]] = {}
     stock = [end for each in network.stock(_BEHAVIOR) for end in each.providers]
     for end in (*network.ends, *stock):
-        owners.setdefault(end.told.owner, set()).add(end.told.pid)
+        owners.setdefault(end.told.owner, set()).add(end.process)
     return {
-        (owner, pid): owner if owner and len(pids) == 1 else _with_process(owner, pid)
-        for owner, pids in sorted(owners.items())
-        for pid in sorted(pids)
+        (owner, each): owner if owner and len(processes) == 1 else _with_process(owner, each)
+        for owner, processes in sorted(owners.items())
+        for each in sorted(processes)
     }
 
 
-def _with_process(owner: str, pid: int) -> str:
-    return f"{owner or '?'} (process {pid})"
+def _with_process(owner: str, process: Process) -> str:
+    return f"{owner or '?'} (process {process})"
 
 
 class _Comparison:
-    def __init__(self, plan: Mapping[str, Any], network: Network, tellers: Collection[str] | None) -> None:
+    def __init__(
+        self, plan: Mapping[str, Any], network: Network, tellers: Mapping[str, Collection[str]] | None
+    ) -> None:
         self.name = str(plan["name"])
-        self.strangers: dict[tuple[str, int], Instance] = {}
-        self._network, self._tellers = network, tellers
+        self.strangers: dict[tuple[str, Process], Instance] = {}
+        self._network = network
+        self._tellers: Mapping[str, Collection[str] | None] = {"": None} if tellers is None else tellers
         self._ways = list(plan["ways"])
         ours = plan["ours"]
         self._prefixes = {str(name): str(each["channels"]) for name, each in ours.items()}
         self._over = {name: [str(one).partition(" ")[0] for one in ours[name]["over"]] for name in self._prefixes}
-        self._elsewhere = {str(name) for each in plan["processes"] if each["host"] for name in each["instances"]}
+        self._hosts = {str(name): str(each["host"]) for each in plan["processes"] for name in each["instances"]}
         self._names = [str(name) for each in plan["processes"] for name in each["instances"]]
         providers = self._providers()
-        self._pids = {name: providers.get(prefix, set()) for name, prefix in self._prefixes.items()}
-        self._by_pid: dict[int, list[str]] = {}
-        for name, pids in self._pids.items():
-            for pid in pids:
-                self._by_pid.setdefault(pid, []).append(name)
-        self._used: dict[int, list[End]] = {}
+        self._processes = {name: providers.get(prefix, set()) for name, prefix in self._prefixes.items()}
+        self._inside: dict[Process, list[str]] = {}
+        for name, processes in self._processes.items():
+            for process in processes:
+                self._inside.setdefault(process, []).append(name)
+        self._used: dict[Process, list[End]] = {}
         for end in network.ends:
             if not end.provides:
-                self._used.setdefault(end.told.pid, []).append(end)
+                self._used.setdefault(end.process, []).append(end)
 
     def declared_instances(self) -> list[Instance]:
         return [
-            Instance(name, self._presence(name), frozenset(self._pids.get(name, ())), self._prefixes.get(name, name))
+            Instance(
+                name, self._presence(name), frozenset(self._processes.get(name, ())), self._prefixes.get(name, name)
+            )
             for name in self._names
         ]
 
     def declared_uses(self) -> Iterator[Use]:
         for way in self._ways:
             client, provider, over = str(way["client"]), str(way["provider"]), str(way["middleware"])
-            pids = self._pids.get(client, set())
+            processes = self._processes.get(client, set())
             channels = _channels_of(way)
             presence = self._presence_of_use(client, provider, [name for name, _ in channels], over)
-            pid = next(iter(pids)) if len(pids) == 1 else 0
+            pid = next(iter(processes)).pid if len(processes) == 1 else 0
             for channel, is_topic in channels:
                 yield Use(client, provider, channel, over, is_topic, presence, pid)
 
@@ -173,20 +184,20 @@ class _Comparison:
                 to = str(way["provider"]), str(way["middleware"])
                 declared.setdefault((str(way["client"]), name), []).append(to)
         for channel in self._network.channels.values():
-            providers = [each for each in channel.providers if each.told.pid in self._by_pid] or channel.providers
+            providers = [each for each in channel.providers if each.process in self._inside] or channel.providers
             for user in channel.users if providers else ():
-                inside, pid = self._by_pid.get(user.told.pid, []), user.told.pid
+                inside = self._inside.get(user.process, [])
                 if any(
                     self._is_declared(name, channel.name, declared.get((name, channel.name), ())) for name in inside
                 ):
                     continue
-                if providers[0].told.pid == pid or not (inside or providers[0].told.pid in self._by_pid):
+                if providers[0].process == user.process or not (inside or providers[0].process in self._inside):
                     continue
                 yield self._undeclared(channel, providers[0], user)
 
     def _is_declared(self, client: str, channel: str, ways: Sequence[tuple[str, str]]) -> bool:
         """Whether a client uses a channel as it is declared, or does so where it cannot be seen."""
-        return any(not self._tells(over) or self._connects(client, to, channel, over) for to, over in ways)
+        return any(not self._tells(over, client, to) or self._connects(client, to, channel, over) for to, over in ways)
 
     def _undeclared(self, channel: Channel, provider: End, user: End) -> Use:
         client, source = self._instance_of(user), self._instance_of(provider)
@@ -196,25 +207,26 @@ class _Comparison:
 
     def _instance_of(self, end: End) -> str:
         """The instance of an end: a declared one of its process, or a stranger, which is noted."""
-        owner, pid = end.told.owner, end.told.pid
-        if inside := self._by_pid.get(pid):
+        owner, process = end.told.owner, end.process
+        if inside := self._inside.get(process):
             fitting = (name for name in inside if _last(self._prefixes[name]) == _last(owner))
             return next(fitting, inside[0])
-        stranger = Instance(_with_process(owner, pid), Presence.UNDECLARED, frozenset((pid,)), owner)
-        return self.strangers.setdefault((owner, pid), stranger).name
+        stranger = Instance(_with_process(owner, process), Presence.UNDECLARED, frozenset((process,)), owner)
+        return self.strangers.setdefault((owner, process), stranger).name
 
     def _presence(self, name: str) -> Presence:
-        if self._pids.get(name):
+        if self._processes.get(name):
             return Presence.PRESENT
-        visible = name in self._over and name not in self._elsewhere and any(map(self._tells, self._over[name]))
-        return Presence.MISSING if visible else Presence.UNSEEN
+        host, over = self._hosts.get(name, ""), self._over.get(name, ())
+        is_visible = host in self._tellers and any(self._tells(each, name) for each in over)
+        return Presence.MISSING if is_visible else Presence.UNSEEN
 
     def _presence_of_use(self, client: str, provider: str, channels: Sequence[str], middleware: str) -> Presence:
         """Of an action, it is enough if one of its channels is connected."""
         ends = {self._presence(client), self._presence(provider)}
         if Presence.MISSING in ends:
             return Presence.MISSING
-        if Presence.UNSEEN in ends or not self._tells(middleware):
+        if Presence.UNSEEN in ends or not self._tells(middleware, client, provider):
             return Presence.UNSEEN
         return (
             Presence.PRESENT
@@ -223,23 +235,28 @@ class _Comparison:
         )
 
     def _connects(self, client: str, provider: str, channel: str, over: str) -> bool:
-        known, offering = self._network.channels.get(channel), self._pids.get(provider, ())
+        known, offering = self._network.channels.get(channel), self._processes.get(provider, ())
         offered = known.providers if known else ()
-        if not any(end.told.pid in offering and end.middleware == over for end in offered):
+        if not any(end.process in offering and end.middleware == over for end in offered):
             return False
-        used = (end for pid in self._pids.get(client, ()) for end in self._used.get(pid, ()))
+        used = (end for each in self._processes.get(client, ()) for end in self._used.get(each, ()))
         return any(end.middleware == over and names.matches(end.told.channel, channel) for end in used)
 
-    def _providers(self) -> dict[str, set[int]]:
+    def _providers(self) -> dict[str, set[Process]]:
         """The processes that provide channels, by the prefix of these."""
-        found: dict[str, set[int]] = {}
+        found: dict[str, set[Process]] = {}
         for each in (*self._network.channels.values(), *self._network.stock(_BEHAVIOR)):
             prefix = each.name.rsplit("/", 2)[0]
-            found.setdefault(prefix, set()).update(end.told.pid for end in each.providers)
+            found.setdefault(prefix, set()).update(end.process for end in each.providers)
         return found
 
-    def _tells(self, middleware: str) -> bool:
-        return self._tellers is None or middleware in self._tellers
+    def _tells(self, middleware: str, *names: str) -> bool:
+        """Whether a middleware told what uses it on the hosts of these instances, as far as they were looked at."""
+        return all(self._tells_on(self._hosts.get(each, ""), middleware) for each in names)
+
+    def _tells_on(self, host: str, middleware: str) -> bool:
+        known = self._tellers.get(host, self._tellers.get("", ()))
+        return known is None or middleware in known
 
 
 def _channels_of(way: Mapping[str, Any]) -> list[tuple[str, bool]]:

@@ -11,11 +11,11 @@ from ..errors import ConfigurationError
 from ..runtime.RoboCompIntrospection import Description, Measures
 from . import asking
 from .access import Access
-from .census import take_each
+from .census import Seen
 from .drift import Drift, compare, observed
 from .flows import Flow, Told, flows
 from .measure import Load, load
-from .network import Network
+from .network import TOOL, Network
 
 _PATIENCE = 1.0
 """Seconds that a component has for an answer, so that one that is stopped does not delay a look for long."""
@@ -41,19 +41,19 @@ class Look:
 class Lookout:
     """Rates are those between two looks; at the first, they are averages since the start of each component.
 
-    `plan` tells what the network declares, as `Plan.to_json`; None if that is not known. It may raise RobocompError.
-    For one thread.
+    `plan` tells what the network declares, as `Plan.to_json`; None if that is not known. `see` tells what runs, such as
+    `census.take_each`. Both may raise RobocompError. For one thread.
     """
 
     def __init__(
         self,
         access: Access,
         plan: Callable[[], Mapping[str, Any] | None],
-        middlewares: Sequence[str] = (),
+        see: Callable[[], Seen],
         *,
         except_pid: int = 0,
     ) -> None:
-        self._access, self._plan, self._middlewares = access, plan, middlewares
+        self._access, self._plan, self._see = access, plan, see
         self._except = except_pid
         self._measured: dict[str, Measures] = {}
         self._loads: dict[str, Load] = {}
@@ -62,16 +62,16 @@ class Lookout:
     def look(self) -> Look:
         """Takes about a second if a component does not answer. Raises RobocompError."""
         plan = self._plan()
-        ends, tellers, troubles = take_each(self._middlewares)
-        network = Network([each for each in ends if each.told.pid != self._except])
+        seen = self._see()
+        network = Network([each for each in seen.ends if (each.told.owner, each.told.pid) != (TOOL, self._except)])
         try:
-            drift = compare(plan, network, tellers) if plan is not None else observed(network)
+            drift = compare(plan, network, seen.tellers) if plan is not None else observed(network)
         except ValueError as exc:
             raise ConfigurationError(f"{exc}; start the network again") from exc
         names = asking.components(network)
         told = self._ask(network, names)
         silent = frozenset(names) - set(told)
-        return Look(drift, told, silent, flows(drift, told), plan, tuple(troubles), time.time())
+        return Look(drift, told, silent, flows(drift, told), plan, tuple(seen.troubles), time.time())
 
     def _ask(self, network: Network, names: Sequence[str]) -> dict[str, Told]:
         now = asking.measure_all(self._access, network, names, _PATIENCE)

@@ -34,6 +34,17 @@ TOOL = "rc"
 """The owner that commands announce."""
 
 
+class Process(NamedTuple):
+    """A process of one of several hosts."""
+
+    host: str
+    """By its name in its network; "" for this host, or if that is not known."""
+    pid: int
+
+    def __str__(self) -> str:
+        return f"{self.pid} on {self.host}" if self.host else f"{self.pid}"
+
+
 class NotUnderstood(RobocompError, ValueError):
     """What a process announces is no contract that this version reads."""
 
@@ -58,6 +69,10 @@ class End:
     @property
     def provides(self) -> bool:
         return self.told.role in PROVIDERS
+
+    @property
+    def process(self) -> Process:
+        return Process(self.host, self.told.pid)
 
 
 class Way(NamedTuple):

@@ -26,6 +26,7 @@ from ..errors import (
 )
 from ..threads import start_thread
 from ..transports.census import Told
+from .census import Seen
 from .network import End
 
 CENSUS_TIMEOUT = 20.0
@@ -195,27 +196,36 @@ class _Session:
                 take(self._reason())
 
 
-def survey(posts: Sequence[Post], middlewares: Sequence[str] = ()) -> tuple[list[End], dict[str, str], list[str]]:
-    """What scouts tell of their hosts, all at a time; why a host could not be asked, by its name; and further troubles.
+def survey(posts: Sequence[Post], middlewares: Sequence[str] = ()) -> tuple[Seen, dict[str, str]]:
+    """What scouts tell of their hosts, all at a time; and why a host could not be asked, by its name."""
+    seen = Seen()
+    answers, lost = ask_all(posts, "census", CENSUS_TIMEOUT, middlewares=list(middlewares))
+    for post, found in answers.items():
+        seen.ends.extend(told_in(found, post))
+        seen.troubles.extend(f"{post.host}: {each}" for answer in found for each in _texts(answer.get("troubles")))
+        seen.tellers[post.host] = frozenset(each for answer in found for each in _texts(answer.get("tellers")))
+    return seen, lost
 
-    The interfaces of the framework are included.
-    """
+
+def ask_all(
+    posts: Sequence[Post], do: str, deadline: float, **more: Any
+) -> tuple[dict[Post, list[Message]], dict[str, str]]:
+    """What scouts answer, all at a time; and why a host could not be asked, by its name."""
 
     def asked(post: Post) -> list[Message] | RobocompError:
         try:
-            return post.ask("census", CENSUS_TIMEOUT, middlewares=list(middlewares))
+            return post.ask(do, deadline, **more)
         except RobocompError as exc:
             return exc
 
-    ends, lost, troubles = list[End](), dict[str, str](), list[str]()
+    answers, lost = dict[Post, list[Message]](), dict[str, str]()
     with ThreadPoolExecutor(max(1, len(posts)), "survey") as pool:
         for post, found in zip(posts, pool.map(asked, posts), strict=True):
             if isinstance(found, RobocompError):
                 lost[post.host] = str(found)
-                continue
-            ends += told_in(found, post)
-            troubles += [f"{post.host}: {each}" for answer in found for each in _texts(answer.get("troubles"))]
-    return ends, lost, troubles
+            else:
+                answers[post] = found
+    return answers, lost
 
 
 def told_in(answers: Iterable[Message], post: Post) -> list[End]:
@@ -253,8 +263,8 @@ def merged(
     """
     found: dict[Any, End] = {}
     for each in (*here, *elsewhere):
-        host = each.host if local(each.middleware) else host_of.get(each.told.owner, each.host)
+        host = each.host if local(each.middleware) else host_of.get(each.told.owner)
         told = each.told
         key = each.middleware, host, told.owner, told.pid, told.role, told.channel, told.fingerprint
-        found.setdefault(key, replace(each, host=host))
+        found.setdefault(key, each if host is None else replace(each, host=host))
     return list(found.values())

@@ -10,6 +10,11 @@ standard output, objects of JSON, one a line, and ends with its input:
                                                          call a query, or send a command
     {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100}
                                                          publish to subscribers of a topic
+    {"id": 1, "do": "clock"}                             what time it is there
+    {"id": 1, "do": "leftovers", "middlewares": ["shm"]}
+                                                         what killed processes have left
+    {"id": 1, "do": "machine", "middlewares": ["shm"], "processes": [10, 11]}
+                                                         limits and space, and what these processes use
     {"id": 1, "do": "cease"}                             end the question with this number
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
@@ -21,6 +26,9 @@ standard output, objects of JSON, one a line, and ends with its input:
                                                          age (or null) of each message
     {"id": 1, "result": {…}}                             what a query has answered
     {"id": 1, "thrown": "…", "fields": {…}}              the declared exception that it has raised
+    {"id": 1, "clock": 1.5}                              seconds since 1970
+    {"id": 1, "leftovers": […]}                          objects of `doctor.facts`, as `doctor.elsewhere` reads them
+    {"id": 1, "machine": {…}}
     {"id": 1, "error": "…", "kind": "Timeout"}           a sentence for people, and the class of the exception
     {"id": 1, "end": true}                               the last answer to a question
 """
@@ -34,6 +42,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import IO, Any
 
 from ..contract.interface import Pattern
@@ -153,10 +162,27 @@ _Deed = Callable[[_Place, Message, Answer, threading.Event], None]
 
 
 def _census(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
-    ends, tellers, troubles = take_each(_middlewares(question))
-    for part in parts_of(ends):
+    seen = take_each(_middlewares(question))
+    for part in parts_of(seen.ends):
         answer(**part)
-    answer(tellers=tellers, troubles=troubles)
+    answer(tellers=sorted(*seen.tellers.values()), troubles=seen.troubles)
+
+
+def _clock(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    answer(clock=time.time())
+
+
+def _leftovers(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    from .doctor.collect import leftovers
+
+    answer(leftovers=[asdict(each) for each in leftovers(_middlewares(question))])
+
+
+def _machine(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    from .doctor.collect import machine, shared_memory
+
+    found = machine(map(int, question["processes"]), memory=shared_memory(_middlewares(question)))
+    answer(machine=asdict(found))
 
 
 def _hear(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
@@ -236,6 +262,9 @@ def _topics(question: Message) -> list[Channel]:
 
 _DEEDS: Mapping[str, _Deed] = {
     "census": _census,
+    "clock": _clock,
+    "leftovers": _leftovers,
+    "machine": _machine,
     "hear": _hear,
     "arrivals": _arrivals,
     "call": _call,

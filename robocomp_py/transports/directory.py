@@ -723,10 +723,10 @@ def _locked(path: Path) -> bool:
     return False
 
 
-def state_of(pid: int) -> str:
+def state_of(pid: int, proc: Path = Path("/proc")) -> str:
     """The letter of Linux for the state of a process (`T`: stopped, `Z`: ended); "" if it is unknown."""
     try:
-        status = Path(f"/proc/{pid}/stat").read_text()
+        status = (proc / str(pid) / "stat").read_text()
     except OSError:
         return ""
     return status.rpartition(")")[2].strip()[:1]

@@ -57,8 +57,13 @@ def network(*hosts: str, **instances: str) -> Iterator[Network]:
     standing.scouts = dict.fromkeys(hosts, made.scout)
     plan = {
         "name": "home",
-        "hosts": [{"name": host} for host in hosts],
-        "processes": [{"name": name, "host": host, "instances": [name]} for name, host in instances.items()],
+        "hosts": [{"name": host, "address": host} for host in hosts],
+        "processes": [
+            {"name": name, "host": host, "instances": [name], "members": [], "component": name, "system": []}
+            for name, host in instances.items()
+        ],
+        "ways": [],
+        "ours": {name: {"channels": name, "over": ["shm"]} for name in instances},
     }
     made.running.place.leave_plan(json.dumps(plan))
     with contextlib.closing(made):

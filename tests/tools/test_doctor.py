@@ -35,6 +35,7 @@ from robocomp_py.tools.doctor.facts import (
     Launched,
     Left,
     Machine,
+    Place,
     Process,
     Space,
     Used,
@@ -257,7 +258,7 @@ def test_a_declared_instance_that_is_not_there_is_found() -> None:
 
 def test_what_cannot_be_seen_from_here_is_not_missed() -> None:
     assert findings(facts(*THERE[:2], plans=(plan(hosts={"eye": "robot"}),)), "plan") == []
-    assert findings(facts(*THERE[:2], plans=(plan(HEARD),), tellers=frozenset(["far"])), "plan") == []
+    assert findings(facts(*THERE[:2], plans=(plan(HEARD),), tellers={"": frozenset(["far"])}), "plan") == []
 
 
 def test_a_declared_use_that_is_not_connected_is_found() -> None:
@@ -310,6 +311,37 @@ def test_a_clock_is_judged_by_the_quickest_answer_and_ours_is_not() -> None:
     assert findings(given, "clocks") == [
         "error the clock of robot is 3.25 s ahead: have both hosts follow one time server: timedatectl set-ntp true"
     ]
+
+
+def test_the_clock_of_a_host_is_judged_by_what_its_scout_tells_too() -> None:
+    places = (Place("robot", Machine(), (), 3.0, 0.001),)
+    mine = replace(on("my computer", 3.1, 0.2), host="robot")
+    (found,) = findings(facts(components=(mine,), places=places), "clocks")
+    assert found.startswith("error the clock of robot is 3 s ahead: ")
+
+
+def test_what_is_wrong_with_another_machine_is_told_with_its_host() -> None:
+    poor = Machine((Process(2, 1020, 1024),), memory=Space("/dev/shm", "messages", GB, 0, 0, 0))
+    hand = replace(HAND, host="robot")
+    given = facts(
+        WORLD, replace(HAND, told=HAND.told._replace(owner="mine")), hand, places=(Place("robot", poor, (), 0, 0),)
+    )
+    assert [
+        (name, each.host, each.text.partition(" has ")[0]) for name, each in examine(given, ["files", "memory"])
+    ] == [
+        ("files", "robot", "hand (process 2)"),
+        ("memory", "robot", "/dev/shm"),
+    ]
+
+
+def test_a_stopped_process_of_another_host_is_told_with_its_host() -> None:
+    (found,) = [each for _, each in examine(facts(components=(Asked("eye", 7, "T", host="robot"),)), ["silent"])]
+    assert (found.host, found.advice) == ("robot", "let it go on: kill -CONT 7")
+
+
+def test_processes_of_two_hosts_with_one_name_are_two() -> None:
+    (found,) = findings(facts(WORLD, replace(WORLD, host="robot")), "twice")
+    assert found.startswith("error processes 1 and 1 on robot both serve world/Everything/divide: ")
 
 
 def test_leftovers_of_killed_processes_are_found() -> None:

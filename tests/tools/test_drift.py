@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from robocomp_py.tools.drift import Presence, compare
@@ -53,7 +55,31 @@ def test_what_is_on_another_host_or_goes_over_a_middleware_that_does_not_tell_is
     assert instances["eye"] is Presence.UNSEEN
     assert uses == {CALLED: Presence.PRESENT, LISTENED: Presence.UNSEEN}
     within = way("hand", "world", "world/Everything/divide", middleware="within")
-    assert presences(*THERE, of=plan(within), tellers=["near"])[1] == {CALLED: Presence.UNSEEN}
+    assert presences(*THERE, of=plan(within), tellers={"": ["near"]})[1] == {CALLED: Presence.UNSEEN}
+
+
+def test_what_is_on_a_host_that_is_looked_at_is_missed_there() -> None:
+    both = {"": ["near"], "robot": ["near"]}
+    of = plan(DIVIDE, HEARD, hosts={"eye": "robot"})
+    instances, uses = presences(WORLD, HAND, NEWS, *THERE[:2], of=of, tellers=both)
+    assert (instances["eye"], uses[LISTENED]) == (Presence.MISSING, Presence.MISSING)
+    there = [replace(each, host="robot") for each in (EYE, THERE[2])]
+    instances, uses = presences(WORLD, HAND, NEWS, *THERE[:2], *there, of=of, tellers=both)
+    assert {*instances.values(), *uses.values()} == {Presence.PRESENT}
+    instances, uses = presences(*there, of=of, tellers={"robot": ["near"]})
+    assert instances == {"world": Presence.UNSEEN, "hand": Presence.UNSEEN, "eye": Presence.PRESENT}
+    assert set(uses.values()) == {Presence.UNSEEN}
+
+
+def test_processes_of_two_hosts_may_have_one_number() -> None:
+    of = plan(DIVIDE, HEARD, hosts={"eye": "robot"})
+    eye = [replace(each, host="robot", told=each.told._replace(pid=1)) for each in (EYE, THERE[2])]
+    spy = replace(end("spy", "subscribes", "world/Everything/news", pid=1), host="base")
+    instances, uses = presences(
+        WORLD, HAND, NEWS, *THERE[:2], *eye, spy, of=of, tellers={"": ["near"], "robot": ["near"]}
+    )
+    assert uses[LISTENED] is Presence.PRESENT
+    assert instances["spy (process 1 on base)"] is Presence.UNDECLARED
 
 
 def test_a_client_that_is_not_declared_is_shown_with_its_process() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.tools.access import Access
+from robocomp_py.tools.census import take_each
 from robocomp_py.tools.drift import Presence
 from robocomp_py.tools.lookout import Look, Lookout
 from robocomp_py.transports.base import find_transport
@@ -45,7 +47,7 @@ def comes(lookout: Lookout, is_it: Any) -> Look:
 
 
 def test_what_runs_is_compared_and_measured_until_it_ends(access: Access) -> None:
-    lookout = Lookout(access, lambda: PLAN, ["shm"])
+    lookout = Lookout(access, lambda: PLAN, partial(take_each, ["shm"]))
     over = ("middleware=shm", "namespace=desk")
     with ExitStack() as ends:
         ends.enter_context(running(make(Calculator, find_transport, *over)))
@@ -65,10 +67,10 @@ def test_what_runs_is_compared_and_measured_until_it_ends(access: Access) -> Non
 
 def test_without_a_plan_everything_that_runs_is_there(access: Access) -> None:
     with running(make(Calculator, find_transport, "middleware=shm")):
-        look = comes(Lookout(access, lambda: None, ["shm"]), lambda it: it.told)
+        look = comes(Lookout(access, lambda: None, partial(take_each, ["shm"])), lambda it: it.told)
     assert [(each.name, each.presence) for each in look.drift.instances] == [("calculator", Presence.PRESENT)]
 
 
 def test_a_plan_of_another_version_is_an_error(access: Access) -> None:
     with pytest.raises(ConfigurationError, match="is of another version"):
-        Lookout(access, lambda: {"name": 1}, ["shm"]).look()
+        Lookout(access, lambda: {"name": 1}, partial(take_each, ["shm"])).look()

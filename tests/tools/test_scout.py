@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import json
 import logging
 import os
 import queue
+import subprocess
 import threading
+import time
 from collections.abc import Iterator
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +22,16 @@ import pytest
 
 from robocomp_py.cli import rc
 from robocomp_py.cli.common import UNREACHABLE, USAGE
+from robocomp_py.cli.monitor import sight
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import HostUnreachable, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import scout
 from robocomp_py.tools.access import Access
-from robocomp_py.tools.census import take_census
+from robocomp_py.tools.census import Seen, take_census
+from robocomp_py.tools.doctor.elsewhere import left_there, places
+from robocomp_py.tools.doctor.facts import Left, Machine, Process, Space
 from robocomp_py.tools.far import Far
 from robocomp_py.tools.network import Channel, End
 from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
@@ -31,6 +39,7 @@ from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
+from robocomp_py.transports.directory import runtime_dir
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Tuned
@@ -97,10 +106,10 @@ def end(owner: str, channel: str, pid: int = 1, middleware: str = "shm", host: s
 
 @pytest.mark.usefixtures("calculator")
 def test_a_scout_tells_what_a_census_on_its_host_finds(post: Post) -> None:
-    ends, lost, troubles = survey([post], ["shm"])
-    assert {each.told for each in ends} == {each.told for each in take_census(["shm"], own=True).ends}
-    assert {(each.host, each.via) for each in ends} == {("base", post)}
-    assert (lost, troubles) == ({}, [])
+    seen, lost = survey([post], ["shm"])
+    assert {each.told for each in seen.ends} == {each.told for each in take_census(["shm"], own=True).ends}
+    assert {(each.host, each.via) for each in seen.ends} == {("base", post)}
+    assert (lost, seen.troubles, seen.tellers) == ({}, [], {"base": frozenset(["shm"])})
 
 
 def test_each_contract_is_sent_once_and_no_line_is_too_long() -> None:
@@ -136,9 +145,9 @@ def test_hosts_that_cannot_be_asked_are_told(post: Post) -> None:
     def refuse() -> Any:
         raise HostUnreachable("its cable was cut")
 
-    ends, lost, _ = survey([Post("robot", refuse), post], ["shm"])
+    seen, lost = survey([Post("robot", refuse), post], ["shm"])
     assert lost == {"robot": "its cable was cut"}
-    assert {each.host for each in ends} <= {"base"}
+    assert set(seen.tellers) == {"base"}
 
 
 def test_what_two_hosts_tell_of_one_process_is_there_once() -> None:
@@ -147,8 +156,15 @@ def test_what_two_hosts_tell_of_one_process_is_there_once() -> None:
         end("arm", "arm/Arm/move", middleware="dds", host="base"),
         end("eye", "eye/Camera/look", middleware="shm", host="base"),
     ]
+    for ends, host in ((here, ""), (there, "base")):
+        ends.append(end("stranger", "stranger/Arm/move", middleware="dds", host=host))
     found = merged(here, there, {"arm": "base", "eye": ""}, lambda name: name == "shm")
-    assert [(each.told.owner, each.host) for each in found] == [("arm", "base"), ("eye", ""), ("eye", "base")]
+    assert [(each.told.owner, each.host) for each in found] == [
+        ("arm", "base"),
+        ("eye", ""),
+        ("stranger", ""),
+        ("eye", "base"),
+    ]
 
 
 def test_a_scout_reads_lines_and_ends_with_its_input() -> None:
@@ -422,3 +438,86 @@ def test_a_goal_ends_when_its_host_is_lost(
         assert rc.main(["action", "send", "fly", "target.x=1", "target.y=2", "steps=100000", *THERE]) == UNREACHABLE
         assert capsys.readouterr().err == "rc action send: base is out of reach: its cable was cut\n"
         cut.join()
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_the_doctor_looks_at_all_hosts(capsys: pytest.CaptureFixture[str]) -> None:
+    over = ("doctor", "--middleware", "shm")
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+
+    def checked(*checks: str, code: int = 1) -> list[tuple[str, str]]:
+        found = map(json.loads, said(capsys, *over, "--json", *checks, code=code).splitlines())
+        return [(each["host"], each["text"]) for each in found]
+
+    def leave() -> None:
+        """What a killed process leaves, and what the next one over this middleware removes."""
+        (runtime_dir("shm") / f"{ended.pid}-0.json").write_text("{}")
+
+    with elsewhere.network("base", sums="base", gone="base") as network:
+        leave()
+        left = "killed processes have left 1 entry or socket of shm"
+        assert checked("--check", "leftovers", "--check", "clocks") == [("", left), ("base", left)]
+        leave()
+        advice = said(capsys, *over, "--check", "leftovers", "--host", "base", code=1)
+        assert advice == f"warn   base: {left}: on base: none is in use; the next component over shm removes them\n"
+        assert checked("--check", "plan", "--host", "base") == [("", "gone is declared in home, and is not there")]
+        network.standing.scouts.clear()
+        assert "base is out of reach: its cable was cut" in complained(capsys, *over, code=UNREACHABLE)
+
+
+def test_what_a_scout_tells_of_its_machine_is_checked() -> None:
+    class Odd(Direct):
+        """A scout that answers its questions otherwise."""
+
+        def __init__(self, **told: Any) -> None:
+            super().__init__()
+            self._told = told
+
+        def say(self, message: Any) -> None:
+            number, do = message["id"], message["do"]
+            if do in self._told:
+                self._answers.put({"id": number, **self._told[do]})
+            self._answers.put({"id": number, "end": True})
+
+    machine = asdict(Machine((Process(7, 3, 1024, "T"),), memory=Space("/dev/shm", "messages", 2, 1, 0, 0)))
+    left = {"leftovers": [asdict(Left("shm", 1, 2))]}
+    good = {"clock": {"clock": time.time() + 60}, "machine": {"machine": machine}, "leftovers": left}
+    wrong: list[dict[str, Any]] = [{"machine": {"machine": machine | {"processes": 7}}}, {"machine": {"machine": None}}]
+    wrong += [{"clock": {"clock": "late"}}, {"clock": {}}, {"leftovers": {"leftovers": [{}]}}, {"leftovers": {}}]
+    posts = [Post(f"host{number}", partial(Odd, **(good | each))) for number, each in enumerate([{}, *wrong])]
+    with contextlib.ExitStack() as end:
+        for each in posts:
+            end.callback(each.close)
+        found, troubles = places(left_there(posts, ["shm"]), ["shm"], Seen())
+    assert [(each.host, each.left, each.machine.processes) for each in found] == [
+        ("host0", (Left("shm", 1, 2),), (Process(7, 3, 1024, "T"),))
+    ]
+    assert 50 < found[0].offset < 70
+    assert troubles == [f"host{number}: its scout says what is not understood" for number in range(1, len(posts))]
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_all_hosts_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base", sums="base", gone="base") as network:
+        drawn = tmp_path / "home.svg"
+        said(capsys, "graph", "home", "--live", "--host", "base", "-o", str(drawn))
+        assert "> base<" in drawn.read_text()
+        assert f"process {os.getpid()}" in drawn.read_text()
+        assert "missing" in drawn.read_text()
+        network.standing.scouts.clear()
+        assert rc.main(["graph", "home", "--live", "-o", str(drawn)]) == UNREACHABLE
+        assert "could not look: base is out of reach" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_the_monitor_shows_all_hosts_also_of_a_network_that_starts_later() -> None:
+    options = argparse.Namespace(network="home", hosts=[], keys=None, middleware=["shm"])
+    with contextlib.ExitStack() as end:
+        see = sight(options, end)
+        assert {each.host for each in see().ends} == {""}
+        with elsewhere.network("base") as network:
+            assert {each.host for each in see().ends} == {"", "base"}
+            network.standing.scouts.clear()
+            network.cut()
+            wait_until(lambda: see().troubles == ["base is out of reach: its cable was cut"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from typing import Protocol
 
 from . import (
@@ -57,9 +58,16 @@ CHECKS: tuple[Check, ...] = (
 )
 
 
+_OF_EACH_HOST: tuple[Check, ...] = (files, inotify, memory, disk, leftovers)
+"""Those that look at machines."""
+
+
 def examine(facts: Facts, names: Collection[str] = ()) -> Iterator[tuple[str, Finding]]:
     """What these checks find (all, if none is named), each with the name of its check."""
     for check in CHECKS:
         if not names or check.NAME in names:
             for finding in check.find(facts):
                 yield check.NAME, finding
+            for place in facts.places if check in _OF_EACH_HOST else ():
+                for finding in check.find(facts.on(place)):
+                    yield check.NAME, replace(finding, host=place.host)

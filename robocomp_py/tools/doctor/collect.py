@@ -9,6 +9,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from ...transports import directory
 from ...transports.deployment import deployment_of, deployments
 from .. import asking
 from ..access import Access
-from ..census import take_each
+from ..census import Seen, take_each
 from ..network import End, Network
-from .facts import Asked, Complaints, Facts, Launched, Left, Machine, Process, Space, Used
+from ..posts import Post
+from . import elsewhere
+from .facts import Asked, Complaints, Facts, Launched, Left, Machine, Place, Process, Space, Used
 
 _PATIENCE = 1.0
 """Seconds that a component has for an answer."""
@@ -33,40 +36,58 @@ def collect(
     killed_networks: Sequence[str] = (),
     launched: Sequence[Launched] = (),
     complaints: Sequence[Complaints] = (),
+    *,
+    look: Callable[[Sequence[str]], Seen] = take_each,
+    posts: Sequence[Post] = (),
+    here: bool = True,
 ) -> tuple[Facts, list[str]]:
-    """The facts, and what could not be looked at. Takes at most a second for each component that does not answer."""
+    """The facts, and what could not be looked at. Takes at most a second for each component that does not answer.
+
+    `look` tells what runs, of the hosts of `posts`, too; unless it is `here`, nothing of this machine is looked at.
+    """
     names = list(middlewares or deployments())
-    left = _leftovers(names)  # before anything is opened, which would remove them
-    ends, tellers, troubles = take_each(names)
-    network = Network(ends)
+    left = leftovers(names) if here else []  # before anything is opened, which would remove them
+    there = elsewhere.left_there(posts, names) if posts else {}
+    seen = look(names)
+    places, troubles = elsewhere.places(there, names, seen)
+    network = Network(seen.ends)
+    machine_here = Machine()
+    if here:
+        pids = {end.told.pid for end in seen.ends if not end.host}
+        machine_here = machine(pids, memory=shared_memory(seen.tellers[""]))
     return (
         Facts(
             platform.node(),
-            machine({end.told.pid for end in ends}, memory=_shared_memory(tellers)),
+            machine_here,
             network,
-            tuple(_asked(network)),
+            tuple(_asked(network, places)),
             tuple(left),
             tuple(killed_networks),
             tuple(plans),
             tuple(launched),
             tuple(complaints),
-            frozenset(tellers),
+            seen.tellers,
+            tuple(places),
         ),
-        troubles,
+        [*seen.troubles, *troubles],
     )
 
 
-def _asked(network: Network) -> Iterable[Asked]:
+def _asked(network: Network, places: Iterable[Place]) -> Iterable[Asked]:
+    hosts = asking.hosts(network)
+    states = {(place.host, each.pid): each.state for place in places for each in place.machine.processes}
     with Access() as access:
         for name in asking.components(network):
-            yield _answers(access, network, name)
+            yield replace(_answers(access, network, name, states), host=hosts.get(name, ""))
 
 
-def _answers(access: Access, network: Network, name: str) -> Asked:
+def _answers(access: Access, network: Network, name: str, states: Mapping[tuple[str, int], str]) -> Asked:
+    """`states` are those of processes on other hosts."""
     description = asking.describe(access, network, name, _PATIENCE)
     if description is None:
-        pid = next((each.told.pid for each in _ends_of(network, name)), 0)
-        return Asked(name, pid, directory.state_of(pid) if pid else "")
+        host, pid = next((each.process for each in _ends_of(network, name)), ("", 0))
+        state = states.get((host, pid), "") if host else directory.state_of(pid)
+        return Asked(name, pid, state if pid else "")
     before, begun = time.time(), time.monotonic()
     measures = asking.measure(access, network, name, _PATIENCE)
     took = time.monotonic() - begun
@@ -82,7 +103,8 @@ def _ends_of(network: Network, component: str) -> list[End]:
 # The operating system.
 
 
-def _shared_memory(middlewares: Iterable[str]) -> Path | None:
+def shared_memory(middlewares: Iterable[str]) -> Path | None:
+    """Where the shared memory is that one of these middlewares uses; None without one."""
     found = (deployment_of(name).shared_memory for name in middlewares)
     return next((Path(each) for each in found if each), None)
 
@@ -137,7 +159,7 @@ def _process(proc: Path, pid: int) -> Process | None:
     except OSError:
         return None
     found = re.search(r"^Max open files\s+(\d+)", limits, re.MULTILINE)
-    return Process(pid, number, int(found[1]) if found else 0)
+    return Process(pid, number, int(found[1]) if found else 0, directory.state_of(pid, proc))
 
 
 def _inotify(proc: Path) -> tuple[int, int]:
@@ -163,7 +185,8 @@ def _number(path: Path) -> int:
 # Leftovers.
 
 
-def _leftovers(middlewares: Iterable[str]) -> Iterable[Left]:
+def leftovers(middlewares: Iterable[str]) -> list[Left]:
+    """What killed processes have left on this host."""
     found = []
     for name in middlewares:
         with contextlib.suppress(RobocompError, OSError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -27,16 +27,20 @@ class Finding:
     """What is wrong, and where; without control characters."""
     advice: str
     """What to do."""
+    host: str = ""
+    """The host that is meant; "" for this one, or if the text names it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """A process that takes part in a network of this host."""
+    """A process of this host that takes part in a network."""
 
     pid: int
     open_files: int
     most_files: int
     """The limit of open files; 0 if it is unknown."""
+    state: str = ""
+    """The letter of Linux for its state; "" if that is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +100,27 @@ class Asked:
     """Its whole name, as `robot1/world`."""
     pid: int = 0
     state: str = ""
-    """The letter of Linux for the state of its process; "" if that is unknown, or on another host."""
+    """The letter of Linux for the state of its process; "" if that is unknown."""
     description: Description | None = None
     measures: Measures | None = None
     offset: float | None = None
     """Seconds by which its clock is ahead of ours; None if that was not measured."""
     inaccuracy: float = 0.0
     """Seconds by which `offset` may be wrong."""
+    host: str = ""
+    """The name of its host in its network; "" for this one, or if that is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Another host of a network."""
+
+    host: str
+    machine: Machine
+    left: tuple[Left, ...]
+    offset: float
+    """As that of `Asked`."""
+    inaccuracy: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +154,7 @@ class Complaints:
 @dataclass(frozen=True)
 class Facts:
     host: str
+    """The name that this host, and components on it, give it."""
     machine: Machine = Machine()
     network: Network = field(default_factory=lambda: Network(()))
     components: tuple[Asked, ...] = ()
@@ -146,8 +165,16 @@ class Facts:
     """Of networks that run, or are meant to: `Plan.to_json`."""
     launched: tuple[Launched, ...] = ()
     complaints: tuple[Complaints, ...] = ()
-    tellers: frozenset[str] | None = None
-    """The middlewares that could tell what uses them; None: all."""
+    tellers: Mapping[str, frozenset[str]] | None = None
+    """The middlewares that could tell what uses them, by host; None: all of this host."""
+    places: tuple[Place, ...] = ()
+    """Other hosts."""
+    place: str = ""
+    """The host of `machine` and `left`: "", this one, except in what `on` returns."""
+
+    def on(self, place: Place) -> Facts:
+        """The same with the machine of another host."""
+        return replace(self, place=place.host, machine=place.machine, left=place.left, killed_networks=())
 
     def log_of(self, name: str) -> str:
         """The command that shows the log of an instance, by its whole name."""

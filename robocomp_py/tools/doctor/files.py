@@ -21,5 +21,5 @@ def find(facts: Facts) -> Iterator[Finding]:
 
 
 def _name(facts: Facts, pid: int) -> str:
-    owners = dict.fromkeys(end.told.owner or "?" for end in facts.network.ends if end.told.pid == pid)
+    owners = dict.fromkeys(end.told.owner or "?" for end in facts.network.ends if end.process == (facts.place, pid))
     return f"{', '.join(owners) or '?'} (process {pid})"

@@ -19,8 +19,8 @@ def find(facts: Facts) -> Iterator[Finding]:
             continue
         if each.state in _STOPPED:
             text = f"{each.name} does not answer, since its process {each.pid} is stopped"
-            yield Finding(Weight.ERROR, text, f"let it go on: kill -CONT {each.pid}")
+            yield Finding(Weight.ERROR, text, f"let it go on: kill -CONT {each.pid}", each.host)
         else:
             text = f"{each.name} (process {each.pid}) does not answer"
             stacks = f"kill -ABRT {each.pid} ends it with its stacks"
-            yield Finding(Weight.ERROR, text, f"see its log: {facts.log_of(each.name)}; {stacks}")
+            yield Finding(Weight.ERROR, text, f"see its log: {facts.log_of(each.name)}; {stacks}", each.host)

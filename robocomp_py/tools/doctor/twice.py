@@ -14,10 +14,10 @@ HELP = "channels that two processes provide under one name"
 def find(facts: Facts) -> Iterator[Finding]:
     told: set[tuple[str, ...]] = set()
     for channel in facts.network.channels.values():
-        pids = tuple(sorted({each.told.pid for each in channel.providers}))
-        if len(pids) > 1 and (channel.instance, *map(str, pids)) not in told:
-            told.add((channel.instance, *map(str, pids)))
-            listed = " and ".join(map(str, pids))
+        processes = tuple(map(str, sorted({each.process for each in channel.providers})))
+        if len(processes) > 1 and (channel.instance, *processes) not in told:
+            told.add((channel.instance, *processes))
+            listed = " and ".join(processes)
             verb = "publish" if channel.pattern is Pattern.PUBLISH else "serve"
             text = f"processes {listed} both {verb} {channel.name}"
             yield Finding(Weight.ERROR, text, "end one of them, or give it another name: --name NAME")

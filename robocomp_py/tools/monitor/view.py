@@ -13,6 +13,7 @@ from ..drift import Instance, Presence, Use
 from ..flows import Flow, Told, answers_of, merged
 from ..lookout import Look
 from ..measure import Load, milliseconds
+from ..network import Process
 
 _MARKS = {Presence.MISSING: Mark.MISSING, Presence.UNDECLARED: Mark.UNDECLARED}
 
@@ -83,6 +84,11 @@ def state_of(instance: Instance, answer: Told | None, silent: Iterable[str]) -> 
     return "not visible from here" if instance.presence is Presence.UNSEEN else ""
 
 
+def host_of(instance: Instance) -> str:
+    """The name of its host in its network; "" for this host, or if that is not known."""
+    return next((each.host for each in instance.processes), "")
+
+
 def _connection(
     key: tuple[str, str, bool, str, Presence], uses: Sequence[Use], look: Look, prefixes: Mapping[str, str]
 ) -> Connection:
@@ -126,7 +132,7 @@ def _places(look: Look) -> list[Place]:
 
 
 def _declared(look: Look, plan: Mapping[str, Any], instances: Mapping[str, Instance]) -> Iterator[Place]:
-    addresses = {str(each["name"]): str(each["address"]) for each in plan["hosts"]}
+    addresses = _addresses(plan)
     for process in plan["processes"]:
         members = [(str(each["name"]), str(each["component"])) for each in process["members"]]
         name, host = str(process["name"]), str(process["host"])
@@ -140,16 +146,23 @@ def _declared(look: Look, plan: Mapping[str, Any], instances: Mapping[str, Insta
         )
 
 
+def _addresses(plan: Mapping[str, Any]) -> dict[str, str]:
+    """Those of the hosts of a network, by name."""
+    return {str(each["name"]): str(each["address"]) for each in plan["hosts"]}
+
+
 def _running(look: Look, instances: Iterable[Instance]) -> list[Place]:
     """What is known of a place by the answers of components alone."""
-    by_process: dict[tuple[int, ...], list[Instance]] = {}
+    by_process: dict[tuple[Process, ...], list[Instance]] = {}
     for each in instances:
-        by_process.setdefault(tuple(sorted(each.pids)), []).append(each)
+        by_process.setdefault(tuple(sorted(each.processes)), []).append(each)
+    addresses = _addresses(look.plan) if look.plan is not None else {}
     places = []
-    for pids, together in by_process.items():
+    for processes, together in by_process.items():
         nodes = tuple(_node(each, _component_of(each, look), look) for each in together)
-        title = f"{pids[0]}" if len(together) > 1 and pids else ""
-        places.append(Place(nodes, host_title("", ""), (), title))
+        title = f"{processes[0].pid}" if len(together) > 1 and processes else ""
+        host = processes[0].host if processes else ""
+        places.append(Place(nodes, host_title(host, addresses.get(host, "")), (), title))
     return places
 
 
@@ -208,7 +221,7 @@ def _components(look: Look, nodes: Sequence[Node]) -> list[dict[str, Any]]:
                 "mark": str(node.mark),
                 "strained": node.is_strained,
                 "state": state_of(instance, answer, look.silent) or _WORDS.get(node.mark, ""),
-                "host": now.host if now else "",
+                "host": host_of(instance) or (now.host if now else ""),
                 "process": ", ".join(map(str, sorted(instance.pids))),
                 "computes": number(now.computes) if now else "",
                 "processor": "" if now is None or math.isnan(now.processor) else f"{now.processor:.0%}",

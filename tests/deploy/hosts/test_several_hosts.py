@@ -157,6 +157,10 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     assert site.rc("call", "other/Echo/twice", "value=21").text == "42"
     measured = [json.loads(line) for line in site.rc("top", "--once", "--json").lines]
     assert {(each["component"], each["host"]) for each in measured} == {("echo", "robot"), ("other", "base")}
+    examined = site.rc("doctor", "--json", "--check", "plan", "--check", "clocks", "--check", "unheard")
+    assert examined.code == 0, examined.text
+    noted = [json.loads(line)["text"].partition(",")[0] for line in examined.lines if line.startswith("{")]
+    assert noted == ["echo publishes echo/Tick/tick", "other publishes other/Tick/tick"]
     site.hosts["base"].partition()
     run.says("base.* (out of reach|lost)")
     lost = site.rc("list")
