@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +22,7 @@ examples:
   rc sim new house.xml -o house      a component that provides every robot and sensor of the scene
   rc sim offers house.xml            the lines of the network that declare them
   rc sim offers house.xml --ports    the same, with the ports at which programs of RoboComp ask
+  rc sim new house.xml --lidar top   the laser `top` has several fans, and also provides points in space
 
   rc sim view house.xml              the scene in the browser
   rc sim view                        ... as it runs
@@ -39,11 +41,13 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     new = actions.add_parser("new", help="write a component", description="Write a component that simulates a scene.")
     new.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it stays where it is")
     new.add_argument("-o", "--output", type=Path, metavar="DIR", help="the folder, whose name is that of the component")
+    _add_lidar(new)
     new.add_argument("--middleware", metavar="NAME", help="what carries its messages (default: auto)")
     shown = actions.add_parser(
         "offers", help="print what a network declares", description="Print the devices of a scene as clauses of DDSL."
     )
     shown.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene")
+    _add_lidar(shown)
     shown.add_argument(
         "--ports",
         action="store_true",
@@ -53,21 +57,37 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_view(actions.add_parser("view", help=VIEW_HELP))
 
 
+def _add_lidar(to: argparse.ArgumentParser) -> None:
+    to.add_argument(
+        "--lidar",
+        action="append",
+        default=[],
+        metavar="LASER",
+        help="a laser that has several fans, which the file cannot say: it also provides Lidar3D; may be repeated",
+    )
+
+
 def run(options: argparse.Namespace) -> int:
     if options.action == "view":
         return view(options)
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
+    from ..sim.parameters import FANS, FIELD
     from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers
+    from ..spelling import unknown
 
     tree = Tree()
     try:
         tree = Tree.read(options.scene)
-        found = offers(tree)
-        ports = at_ports(tree) if options.action == "offers" and options.ports else {}
+        found = offers(tree, options.lidar)
+        ports = at_ports(tree, options.lidar) if options.action == "offers" and options.ports else {}
     except InnerModelError as exc:
         place = tree.place(exc.node) if exc.node else None
         return complain(f"rc sim: {f'{place}: ' if place else ''}{exc}")
+    lasers = [name for name in found if name in tree and tree.node(name).tag == "laser"]
+    for name in options.lidar:
+        if name not in lasers:
+            return complain(f"rc sim: --lidar {name}: {unknown('laser', name, lasers)}")
     missing = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in left_out(tree).items())
     if not found:
         kinds = ", ".join((*INTERFACES, "joint"))
@@ -76,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     if options.action == "offers":
         _print_offers(ports or {name: (interfaces, 0) for name, interfaces in found.items()}, options)
         return FINE
-    code = _new(options, found)
+    code = _new(options, found, [{"id": name, "fans": FANS, "field": FIELD} for name in dict.fromkeys(options.lidar)])
     if missing and code == FINE:
         print(f"not provided yet: {missing}")
     return code
@@ -91,7 +111,7 @@ def _print_offers(found: dict[str, tuple[tuple[str, ...], int]], options: argpar
         print(f"offers {name} : {', '.join(interfaces)}{f' port {port}' if port else ''};")
 
 
-def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:
+def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]], bodies: Sequence[Mapping[str, object]]) -> int:
     from ..codegen.generate import scene_models, scene_specifics
     from ..contract.middleware import AUTO
     from ..sim.serve.offers import CONTROL, used
@@ -104,7 +124,7 @@ def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]]) -> int:
             root,
             f"{name.lower()}.cdsl",
             scene_models(name.lower(), scene, used(found), CONTROL),
-            partial(scene_specifics, scene=scene),
+            partial(scene_specifics, scene=scene, bodies=bodies),
             options.middleware or AUTO,
         )
     except RobocompError as exc:

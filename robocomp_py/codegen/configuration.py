@@ -139,6 +139,11 @@ def toml_params(params: ParameterSet) -> str:
     return "\n".join(_toml_lines(params, "params"))
 
 
+def toml_item(path: str, values: Mapping[str, object]) -> list[str]:
+    """The lines of one item of a list of parameters."""
+    return [f"[[{path}]]", *(f"{name} = {_toml(value)}" for name, value in values.items())]
+
+
 def _toml_lines(params: ParameterSet, path: str, mark: str = "") -> list[str]:
     lines = []
     for parameter in params.parameters:

@@ -110,9 +110,13 @@ def scene_models(lower: str, scene: str, devices: Sequence[str], own: Sequence[s
     return {f"{lower}.{kind}": _render(f"scene.{kind}.j2", **values) for kind in ("cdsl", "pdsl")}
 
 
-def scene_specifics(model: Model, scene: str) -> dict[PurePosixPath, str]:
-    """The specific part of a component that simulates a scene."""
-    return {PurePosixPath("specificworker.py"): _render("scene_worker.py.j2", scene=scene)}
+def scene_specifics(model: Model, scene: str, bodies: Sequence[Mapping[str, Any]] = ()) -> dict[PurePosixPath, str]:
+    """The specific part of a component that simulates a scene. `bodies` are items of its parameter of that name."""
+    found = {PurePosixPath("specificworker.py"): _render("scene_worker.py.j2", scene=scene)}
+    if bodies:
+        lines = ["", *(line for each in bodies for line in configuration.toml_item("params.bodies", each)), ""]
+        found[PurePosixPath("etc/config.toml")] = _render("config.toml.j2", **_common(model)) + "\n".join(lines)
+    return found
 
 
 def _generic(model: Model) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What physics needs and InnerModel cannot say: masses, friction and the strength of motors, by the ids of nodes.
+"""What a scene needs and InnerModel cannot say: masses, friction, the strength of motors, by the ids of nodes.
 
 World(tree, physics=True, parameters={"box": {"mass": 2.0, "friction": 0.4}, "elbow": {"force": 30.0}})
 """
@@ -15,6 +15,12 @@ from ..spelling import unknown
 
 BASES = ("differentialrobot", "omnirobot")
 JOINTS = ("joint", "prismaticjoint")
+FANS = 16
+"""How many fans a lidar has, if it is not told."""
+
+FIELD = 0.5236
+"""The angle between the highest and the lowest fan of a lidar, if it is not told, rad: 30 degrees."""
+
 SHAPES = ("plane", "display", "mesh")
 
 
@@ -28,6 +34,9 @@ class Parameter:
     """Which nodes have it, for messages."""
     usual: float = -1.0
     """The value that stands for none, where one has to be written."""
+    most: float = math.inf
+    """The highest value."""
+    is_whole: bool = False
 
 
 PARAMETERS = {
@@ -36,6 +45,8 @@ PARAMETERS = {
     "force": Parameter("the most that a motor gives, N; N m if it turns", 0.0, "a base or a joint"),
     "belt": Parameter("speed of the surface of a shape along its z, mm/s", -math.inf, "a plane", 0.0),
     "suction": Parameter("how far a suction cup or magnet reaches, mm", 0.0, "a shape, or a node above one,"),
+    "fans": Parameter("how many fans of rays a lidar has", 1.0, "a laser", most=1000.0, is_whole=True),
+    "field": Parameter("the angle between its highest and its lowest fan, rad", 0.0, "a laser", most=math.pi),
 }
 """All parameters by their names."""
 
@@ -67,6 +78,10 @@ def _problem(tree: Tree, node: Node, key: str, value: object) -> str:
         return f"`{key}` is {value!r}: it has to be a number"
     if value < known.least:
         return f"`{key}` is {value:g}: it has to be at least {known.least:g}"
+    if value > known.most:
+        return f"`{key}` is {value:g}: it can be {known.most:g} at most"
+    if known.is_whole and value != round(value):
+        return f"`{key}` is {value:g}: it has to be a whole number"
     if not _has(tree, node, key):
         return f"a {node.tag} has no `{key}`: only {known.needs} has one"
     return ""
@@ -75,6 +90,8 @@ def _problem(tree: Tree, node: Node, key: str, value: object) -> str:
 def _has(tree: Tree, node: Node, key: str) -> bool:
     if key == "belt":
         return node.tag == "plane"
+    if key in ("fans", "field"):
+        return node.tag == "laser"
     if key in ("friction", "suction"):
         return node.tag in SHAPES or any(_has(tree, tree.node(child), key) for child in node.children)
     moves = node.tag in (*BASES, *JOINTS)

@@ -33,6 +33,7 @@ from .build import build
 from .devices.imu import Inertia, Inertial
 from .devices.imu import read as read_imu
 from .devices.laser import Laser
+from .devices.lidar import Lidar, is_lidar
 from .devices.touch import Touch
 from .edits import carry, fingerprint
 from .grippers import hold, nearest
@@ -153,6 +154,11 @@ class World:
             node.id: Laser(node, self._scene.frames[node.id])
             for node in nodes
             if node.tag == "laser" and node.values["measures"] != 0
+        }
+        self._lidars = {
+            name: Lidar(tree.node(name), self._scene.frames[name], parameters[name])
+            for name in self._lasers
+            if is_lidar(parameters.get(name, {}))
         }
         self._movable = [
             each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
@@ -380,6 +386,11 @@ class World:
     @property
     def lasers(self) -> list[str]:
         return list(self._lasers)
+
+    @property
+    def lidars(self) -> list[str]:
+        """The lasers with the parameter `fans` or `field`; see `cloud`."""
+        return list(self._lidars)
 
     @property
     def movable(self) -> list[str]:
@@ -616,6 +627,16 @@ class World:
     def angles(self, laser: str) -> Array:
         """Of a laser's rays, rad to the right, shape (measures,)."""
         return _known("laser", laser, self._lasers).angles
+
+    def cloud(self, lidar: str) -> Array:
+        """The points that a lidar measures now, within its node: mm, shape (n, 3).
+
+        They are sorted by their direction, from the left to the right. Noise is along the rays.
+        """
+        found = _known("lidar", lidar, self._lidars)
+        deviation = self._noise.get(lidar, 0.0)
+        noise = deviation * normal(self._seed, lidar, "cloud", self._ticks, found.count) if deviation else None
+        return found.cloud(self._scene.model, self._data, noise)
 
     def lens(self, camera: str) -> Lens:
         """The size of a camera's pictures, and its focal length; pixels."""

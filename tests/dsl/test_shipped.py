@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from robocomp_py.contract.interface import Interface
 from robocomp_py.dsl.workspace import SHIPPED, Workspace
 
@@ -87,6 +89,8 @@ PUBLIC = {
     "Laser.getLaserAndBStateData": 0x843409F3D46F8F74,
     "Laser.getLaserConfData": 0x38F88D1E3F4E88CC,
     "LaserPub.pushLaserData": 0xB1371EF65AE42C9C,
+    "Lidar3D.getLidarData": 0xC401FBA0439DD34E,
+    "Lidar3D.getLidarDataWithThreshold2d": 0xAEEC0917EF93217A,
     "OmniRobot.getBaseState": 0x5646C78CAB4E32FD,
     "OmniRobot.getBasePose": 0x41D8FB2DED735C5D,
     "OmniRobot.setSpeedBase": 0x114EDF359AEBC31C,
@@ -117,22 +121,28 @@ OURS = {
     "DifferentialRobotPub",
     "Introspection",
     "IntrospectionPub",
+    "Lidar3DPub",
     "Simulation",
     "SimulationPub",
 }
-"""Interfaces that RoboComp does not have."""
+"""Interfaces that RoboComp's repository does not have."""
 
 ADDED = {"CommonBehavior.getActiveStates", "CommonBehavior.getStatus"}
 """Operations that RoboComp's interface does not have."""
 
 
 def test_each_shipped_interface_has_the_operations_of_the_public_one() -> None:
+    """Sequences that are records here count as the sequences that they are there."""
     found = {}
     for path in sorted(SHIPPED.glob("*.idsl")):
-        module = Workspace().interfaces(path)
+        module = Workspace(read=_without_records).interfaces(path)
         assert module is not None
         for each in module.definitions:
             if isinstance(each, Interface) and each.short not in OURS and each.short == path.stem:
                 found |= {f"{each.short}.{operation.name}": operation.fingerprint for operation in each.operations}
     assert {name: value for name, value in found.items() if name not in ADDED} == PUBLIC
     assert found.keys() >= ADDED
+
+
+def _without_records(path: Path) -> bytes:
+    return path.read_bytes().replace(b"[records] ", b"")

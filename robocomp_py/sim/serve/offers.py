@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from ...innermodel.read import InnerModelError
 from ...innermodel.tree import Tree
@@ -21,6 +21,9 @@ INTERFACES = {
     "display": ("Display",),
 }
 """The interfaces of a device, by the tag of its node. Those that end in `Pub` are published."""
+
+LIDAR = ("Lidar3D", "Lidar3DPub")
+"""What a laser has besides that if it is a lidar."""
 
 BASES = ("differentialrobot", "omnirobot")
 
@@ -47,10 +50,11 @@ def motors(tree: Tree) -> dict[str, list[str]]:
     return found
 
 
-def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
+def offers(tree: Tree, lidars: Collection[str] = ()) -> dict[str, tuple[str, ...]]:
     """The interfaces by the name of each instance: the ids of devices in the order of the file, then groups of joints.
 
-    A laser without rays has none, nor has a camera without a width.
+    `lidars` are the lasers that have several fans, which no file says. A laser without rays has no interfaces, nor has
+    a camera without a width.
 
     Raises InnerModelError for an id that cannot be the name of an instance.
     """
@@ -62,11 +66,11 @@ def offers(tree: Tree) -> dict[str, tuple[str, ...]]:
                 raise InnerModelError(
                     f"`{name}`: the id of a device names an instance: use letters, digits, `_` and `-`", node=name
                 )
-            found[name] = INTERFACES[node.tag]
+            found[name] = (*INTERFACES[node.tag], *(LIDAR if name in lidars else ()))
     return found | {name: (*found.get(name, ()), *MOTORS) for name in motors(tree)}
 
 
-def at_ports(tree: Tree) -> dict[str, tuple[tuple[str, ...], int]]:
+def at_ports(tree: Tree, lidars: Collection[str] = ()) -> dict[str, tuple[tuple[str, ...], int]]:
     """The interfaces and the port of each instance, as RoboComp's programs find them: one interface at a port.
 
     Instances without a port, which is 0 then, have all their interfaces. Raises InnerModelError for a port that two
@@ -74,7 +78,7 @@ def at_ports(tree: Tree) -> dict[str, tuple[tuple[str, ...], int]]:
     """
     found: dict[str, tuple[tuple[str, ...], int]] = {}
     groups, taken = motors(tree), dict[int, str]()
-    for name, interfaces in offers(tree).items():
+    for name, interfaces in offers(tree, lidars).items():
         node = groups[name][0] if name in groups else name
         port = int(str(tree.node(node).values.get("port", 0)))
         if port in taken:

@@ -16,15 +16,17 @@ from typing import Any
 
 from ...contract.component import Port
 from ...contract.interface import Interface
+from ...contract.types import Type
 from ...errors import ConfigurationError
 from ...innermodel.read import InnerModelError
 from ...innermodel.tree import Tree
 from ...runtime.clock import Real
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
+from ...runtime.ports import has_subscribers
 from ..parameters import PARAMETERS
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .control import Controlled, Progress
-from .lasers import LaserHandler, scanned
+from .lasers import LaserHandler, Lidar3DHandler, classified, scanned
 from .manager import Managed
 from .motors import JointMotorHandler, states
 from .offers import carried_by, motors, names_of, offers
@@ -98,7 +100,7 @@ class Simulator(Controlled, Managed):
     def _provide(self) -> None:
         """Add what the scene has and the network declares, and remove what the scene has no longer."""
         self._tree = self.world.tree
-        self._motors, found = motors(self._tree), offers(self._tree)
+        self._motors, found = motors(self._tree), offers(self._tree, self.world.lidars)
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
             for name in set(instances) - set(names):
@@ -165,6 +167,8 @@ class Simulator(Controlled, Managed):
         match interface.short:
             case "Laser":
                 return LaserHandler(self.world, self._tree.node(name), self._carrier(name), interface)
+            case "Lidar3D":
+                return Lidar3DHandler(self.world, name, self.now, lambda: self.period, interface)
             case "DifferentialRobot":
                 return DifferentialRobotHandler(self.world, name, interface)
             case "OmniRobot":
@@ -193,6 +197,10 @@ class Simulator(Controlled, Managed):
             case "LaserPub":
                 kind = operation(port.interface, "pushLaserData").inputs[0].type
                 return lambda: proxy.pushLaserData(scanned(self.world, name, kind))
+            case "Lidar3DPub":
+                return partial(
+                    self._publish_cloud, name, operation(port.interface, "pushLidarData").inputs[0].type, proxy
+                )
             case "DifferentialRobotPub":
                 made = partial(filled, operation(port.interface, "pushBaseState").inputs[0].type)
                 return lambda: proxy.pushBaseState(made(state(self.world, name)))
@@ -208,6 +216,11 @@ class Simulator(Controlled, Managed):
                 map_kind = operation(port.interface, "motorStates").inputs[0].type
                 return lambda: proxy.motorStates(states(self.world, self._motors[name], map_kind))
         raise AssertionError(f"`offers` has no {port.interface.short}")
+
+    def _publish_cloud(self, name: str, kind: Type, proxy: Any) -> None:
+        if has_subscribers(proxy):
+            time = self.now() // 1_000_000
+            proxy.pushLidarData(classified(self.world.cloud(name), kind, period=self.period, time=time))
 
     def _camera(self, name: str) -> Camera:
         base, joints = carried_by(self._tree, name)
