@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .axes import Array
+from .nodes import MESH_FORMATS
 from .osg import read_osg
 from .parts import Part
 from .read import InnerModelError
 from .studio3d import read_3ds
-
-FORMATS = ("obj", "dae", "stl", "ply", "off", "glb", "gltf", "osg", "3ds")
-"""The endings of files that are read."""
 
 _BINARY = ("ive", "osgb", "osgt", "osgx")
 
@@ -69,8 +67,8 @@ def _read(path: Path) -> list[Part]:
             f"{path}: this is a format of OpenSceneGraph that only it reads; convert it, by its tool: "
             f"osgconv {path.name} {path.stem}.obj"
         )
-    if ending not in FORMATS:
-        known = ", ".join(f".{each}" for each in FORMATS)
+    if ending not in MESH_FORMATS:
+        known = ", ".join(f".{each}" for each in MESH_FORMATS)
         raise InnerModelError(f"{path}: meshes are read from {known}; convert it, with Blender for example")
     try:
         if ending == "osg":

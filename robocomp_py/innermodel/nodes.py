@@ -17,6 +17,9 @@ ROOT = "innermodel"
 INCLUDE = "include"
 """The tag that stands for the nodes of another file."""
 
+MESH_FORMATS = ("obj", "dae", "stl", "ply", "off", "glb", "gltf", "osg", "3ds")
+"""The endings of files that a mesh is read from."""
+
 MOST_DEPTH = 200
 """The deepest nesting of nodes; files of real robots have at most 40."""
 

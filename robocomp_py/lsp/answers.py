@@ -46,6 +46,7 @@ _SYMBOLS = {
     Kind.NAMED: lsp.SymbolKind.Object,
     Kind.MACHINE: lsp.SymbolKind.Class,
     Kind.STATE: lsp.SymbolKind.EnumMember,
+    Kind.NODE: lsp.SymbolKind.Object,
 }
 
 _COMPLETIONS: dict[str, lsp.CompletionItemKind] = {

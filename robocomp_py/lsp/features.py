@@ -15,7 +15,9 @@ from pygls.exceptions import JsonRpcException
 
 from ..dsl.diagnostics import DslError
 from ..dsl.format import LANGUAGES, format_text
-from . import answers
+from ..dsl.innermodel.check import ENDING, is_root
+from ..dsl.source import Source
+from . import answers, innermodel
 from .complaints import complaints
 from .complete import complete
 from .fixes import fixes
@@ -42,11 +44,28 @@ class _At:
     index: Index
     places: Places
 
+    @property
+    def scene(self) -> Source | None:
+        """The text, if it is an InnerModel."""
+        return Source(self.path, self.text) if self.path.suffix.lower() == ENDING else None
+
 
 def _at(server: Server, uri: str, position: lsp.Position = _START) -> _At | None:
     path = path_of(uri)
     if path is None or path.suffix.lower().removeprefix(".") not in LANGUAGES:
         return None
+    return _placed(server, path, position)
+
+
+def _at_any(server: Server, uri: str, position: lsp.Position = _START) -> _At | None:
+    """The same, also in an InnerModel. Other XML is not ours."""
+    path = path_of(uri)
+    if path is None or path.suffix.lower() != ENDING:
+        return _at(server, uri, position)
+    return _placed(server, path, position) if is_root(server.project.text(path)) else None
+
+
+def _placed(server: Server, path: Path, position: lsp.Position) -> _At:
     places = server.places
     text = without_mark(server.project.text(path))
     return _At(path, text, places.offset(path, position), Index(server.project), places)
@@ -56,13 +75,16 @@ def _at(server: Server, uri: str, position: lsp.Position = _START) -> _At | None
 
 
 def _hover(server: Server, params: lsp.HoverParams) -> lsp.Hover | None:
-    at = _at(server, params.text_document.uri, params.position)
-    said = hover(at.index, at.path, at.offset, at.text) if at else ""
+    at = _at_any(server, params.text_document.uri, params.position)
+    if at and at.scene:
+        said = innermodel.hover(at.scene, at.offset)
+    else:
+        said = hover(at.index, at.path, at.offset, at.text) if at else ""
     return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, said)) if said else None
 
 
 def _definition(server: Server, params: lsp.DefinitionParams) -> list[lsp.Location]:
-    at = _at(server, params.text_document.uri, params.position)
+    at = _at_any(server, params.text_document.uri, params.position)
     if at is None:
         return []
     found = at.index.elsewhere(at.path, at.offset)
@@ -92,12 +114,14 @@ def _highlights(server: Server, params: lsp.DocumentHighlightParams) -> list[lsp
 
 
 def _completion(server: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
-    at = _at(server, params.text_document.uri, params.position)
+    at = _at_any(server, params.text_document.uri, params.position)
+    if at and at.scene:
+        return answers.completion(innermodel.complete(at.scene, at.offset), server.places)
     return answers.completion(complete(at.index, at.path, at.text, at.offset) if at else (), server.places)
 
 
 def _document_symbols(server: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
-    at = _at(server, params.text_document.uri)
+    at = _at_any(server, params.text_document.uri)
     made = at.index.outline(at.path) if at else None
     return answers.document_symbols(made, at.places) if at and made else []
 
@@ -107,7 +131,7 @@ def _workspace_symbols(server: Server, params: lsp.WorkspaceSymbolParams) -> lis
 
 
 def _links(server: Server, params: lsp.DocumentLinkParams) -> list[lsp.DocumentLink]:
-    at = _at(server, params.text_document.uri)
+    at = _at_any(server, params.text_document.uri)
     made = at.index.outline(at.path) if at else None
     if at is None or made is None:
         return []

@@ -6,10 +6,12 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..dsl.source import Name, Span
+from ..dsl.innermodel.check import ENDING, is_root
+from ..dsl.source import Name, Source, Span
 from ..dsl.workspace import SHIPPED
+from . import elements
 from .outline import Kind, Link, Outline, Symbol, Use, outline
-from .project import Project, real
+from .project import Project, real, without_mark
 
 _COMMON = SHIPPED / "CommonBehavior.idsl"
 _ANY_CASE = (Kind.COMPONENT,)
@@ -39,11 +41,17 @@ class Index:
         """What a file defines and uses; None if it cannot be read."""
         key = real(path)
         if key not in self._outlines:
-            model = self._workspace.model(path)
-            made = self._outlines[key] = self.project.remembered(outline, path, model) if model else None
+            made = self._outlines[key] = self._made_outline(path)
             if made:
                 self.project.last_outlines[key] = made
         return self._outlines[key]
+
+    def _made_outline(self, path: Path) -> Outline | None:
+        if path.suffix.lower() == ENDING:
+            text = without_mark(self.project.text(path))
+            return elements.outline(Source(path, text)) if is_root(text) else None
+        model = self._workspace.model(path)
+        return self.project.remembered(outline, path, model) if model else None
 
     def target(self, link: Link) -> Path | None:
         """The file that a link leads to, if it exists."""

@@ -53,6 +53,7 @@ class Kind(StrEnum):
     NAMED = "named instance"
     MACHINE = "state machine"
     STATE = "state"
+    NODE = "node"
 
 
 VALUE_TYPES = (Kind.STRUCT, Kind.ENUM, Kind.SEQUENCE, Kind.DICTIONARY)

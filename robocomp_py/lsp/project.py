@@ -15,6 +15,7 @@ from typing import TypeVar
 
 from .. import installed
 from ..dsl.diagnostics import Diagnostic, Report, ordered
+from ..dsl.innermodel.check import ENDING, declared_encoding, is_root
 from ..dsl.memory import Memory
 from ..dsl.workspace import ENDINGS, Workspace, read_file
 from ..usercode.check import check_component, check_network
@@ -92,7 +93,7 @@ class Project:
     def read(self, path: Path) -> bytes:
         """A file's bytes: those of the editor if it is open, otherwise those of the disk."""
         buffer = self._buffers.get(real(path))
-        return buffer.text.encode("utf-8", "replace") if buffer else read_file(path)
+        return buffer.text.encode(_encoding(buffer), "replace") if buffer else read_file(path)
 
     def text(self, path: Path) -> str:
         """The text of a file as an editor shows it; "" if it cannot be read."""
@@ -175,6 +176,9 @@ def _checked(path: Path, workspace: Workspace) -> Report:
             return _check_network(path, workspace)
         case ".toml":
             _check_configuration(path, workspace)
+        case ".xml":
+            if is_root(workspace.read(path).decode("utf-8", "replace")):
+                workspace.check(path)
         case ".cdsl":
             workspace.check(path)
             check_component(path, workspace)
@@ -184,6 +188,11 @@ def _checked(path: Path, workspace: Workspace) -> Report:
             if path.name.lower().startswith("config"):
                 _check_configuration(path, workspace)
     return workspace.report
+
+
+def _encoding(buffer: Buffer) -> str:
+    """In which a text is read again: XML may declare another one than UTF-8."""
+    return declared_encoding(buffer.text) if buffer.path.suffix.lower() == ENDING else "utf-8"
 
 
 def _check_network(path: Path, workspace: Workspace) -> Report:

@@ -35,7 +35,7 @@ QUICK_S = 0.05
 LATEST = 1.0
 """The longest delay of a check, in seconds."""
 
-_WATCHED = f"**/*{{{','.join((*ENDINGS, '.toml', '.py'))}}}"
+_WATCHED = f"**/*{{{','.join((*ENDINGS, '.xml', '.toml', '.py'))}}}"
 
 
 class Server(LanguageServer):

@@ -10,6 +10,7 @@ import { CloseAction, ErrorAction, LanguageClient, State, type CloseHandlerResul
 import { ended, findServer, installCommand, missing, type Advice, type Surroundings } from "./server";
 
 const LANGUAGES = ["idsl", "cdsl", "pdsl", "ddsl", "smdsl"];
+const XML = { scheme: "file", language: "xml" }; // the server answers only about InnerModel
 const MOST_CRASHES = 3;
 const CRASHES_WITHIN_MS = 3 * 60 * 1000;
 const KEPT_OF_STDERR = 4000;
@@ -106,9 +107,10 @@ class Session {
 
     private make(program: string): Client {
         return new Client("robocomp", "RoboComp", () => this.spawn(program), {
-            documentSelector: LANGUAGES.flatMap((language) =>
-                ["file", "untitled"].map((scheme) => ({ scheme, language })),
-            ),
+            documentSelector: [
+                ...LANGUAGES.flatMap((language) => ["file", "untitled"].map((scheme) => ({ scheme, language }))),
+                XML,
+            ],
             outputChannel: this.log,
             traceOutputChannel: this.log,
             initializationOptions: () => ({ include: settings().get<string[]>("include", []) }),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from pathlib import Path
 
@@ -11,7 +12,9 @@ from ..source import Source, Span
 
 ENDING = ".xml"
 
-_START = re.compile(rb"<innermodel[\s>]", re.IGNORECASE)
+_BEFORE_ROOT = re.compile(r"\ufeff?(?:\s+|<!--.*?-->|<[?!][^>]*>)*", re.DOTALL)
+_ROOT = re.compile(r"<innermodel(?![\w.:-])", re.IGNORECASE)
+_DECLARED = re.compile(r"""\ufeff?<\?xml[^>]*?\sencoding\s*=\s*["']([\w.-]+)""")
 _START_AT_MOST = 4096
 """Octets of a file before its root, for comments and declarations."""
 
@@ -20,9 +23,24 @@ def is_innermodel(path: Path) -> bool:
     """Whether an XML file is an InnerModel. False for other XML, and for a file that cannot be read."""
     try:
         with path.open("rb") as file:
-            return path.suffix.lower() == ENDING and bool(_START.search(file.read(_START_AT_MOST)))
+            return path.suffix.lower() == ENDING and is_root(file.read(_START_AT_MOST).decode("utf-8", "replace"))
     except OSError:
         return False
+
+
+def is_root(text: str) -> bool:
+    """Whether the first tag of a text is the root of an InnerModel."""
+    before = _BEFORE_ROOT.match(text, 0, _START_AT_MOST)
+    return bool(before and _ROOT.match(text, before.end()))
+
+
+def declared_encoding(text: str) -> str:
+    """The encoding that the declaration of an XML text names, if Python knows it; else UTF-8."""
+    declared = _DECLARED.match(text)
+    try:
+        return codecs.lookup(declared[1]).name if declared else "utf-8"
+    except LookupError:
+        return "utf-8"
 
 
 def check(path: Path, reading: ReadFile, report: Report) -> None:
@@ -45,7 +63,7 @@ class _Places:
         return self.source.span(start, start + len(text))
 
     def _text(self, end: int) -> str:
-        return self._data[:end].decode(self._encoding, "replace")
+        return self._data[:end].decode(self._encoding, "replace").removeprefix("\ufeff")
 
 
 def _diagnostic(problem: Problem, sources: dict[Path, _Places]) -> Diagnostic:
