@@ -1,8 +1,13 @@
-"""Runs the rescue network to the end of its mission, and shows what carried messages.
+"""Runs the story of a rescue to its end, and shows what carried messages.
 
 python components/demo.py                        about a minute
 python components/demo.py --fast                 the same story in about ten seconds
+python components/demo.py --flat                 in the small world that needs no MuJoCo
 python components/demo.py --middleware zeromq    generated for ZeroMQ only
+
+Where MuJoCo (`pip install 'robocomp-py[sim]'`) and OpenGL are installed, the robot is
+in a simulated scene (arena.ddsl), and elsewhere in a house seen from above
+(rescue.ddsl). Its code is the same.
 
 The demo generates and runs the components in a copy of the folder, so the checkout does
 not change. At the end, the SHA-256 of the files that users write shows that another
@@ -13,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib.util
 import json
 import os
 import shutil
@@ -33,6 +39,7 @@ from robocomp_py.runtime.tally import FOLDER
 
 HERE = Path(__file__).resolve().parent
 NETWORK = "rescue.ddsl"
+SCENE = "arena.ddsl"
 FAST = (
     "*.component.period=0.02",
     "world.component.period=0.01",
@@ -42,6 +49,8 @@ FAST = (
 )
 """Five times faster. On a busy machine the mission may wait while the robot drives on
 for seconds. So the battery lasts, and is low before the robot meets the victim."""
+FAST_SCENE = ("--clock", "arena", "--speed", "5")
+"""Five times faster. In lock-step, a busy machine only makes the story slower."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,23 +58,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     middleware = options.middleware or AUTO
     carried = carrier(middleware, AUTO)
+    lacking = "it was not asked for" if options.flat else lacks_for_a_scene()
+    name, simulator = (NETWORK, "world") if lacking else (SCENE, "arena")
     wrong = unfit(carried) or (
-        unshared(carried, "world") if stays_inside(carried) else None
+        unshared(carried, simulator) if stays_inside(carried) else None
     )
     if wrong:  # check before generating anything
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2
+    if lacking and not options.flat:
+        print(f"The robot is in a house seen from above. For a 3-D scene: {lacking}.")
     before = written_by_users(HERE)
     with tempfile.TemporaryDirectory(prefix="robocomp-demo-") as folder:
         copy, tally = Path(folder, "components"), Path(folder, "tally")
         shutil.copytree(HERE, copy, ignore=shutil.ignore_patterns(*_NOT_COPIED))
         tally.mkdir()
-        code = rcgen.main([str(copy / NETWORK), "--middleware", middleware])
+        code = rcgen.main([str(copy / name), "--middleware", middleware])
         if code:
             return code
-        plan = make_plan(copy / NETWORK, Workspace(), usable=usable)
+        plan = make_plan(copy / name, Workspace(), usable=usable)
         assert plan, "the network is right, as tests show"
-        code = _run(copy / NETWORK, tally, options)
+        picture = options.picture or Path("rescue.svg" if lacking else "rescue.gif")
+        code = _run(copy / name, tally, picture.resolve(), options.fast)
         print(
             "\nWhat carried each link, and how many messages, as components counted:\n"
         )
@@ -73,17 +87,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"\n{proof(before, written_by_users(copy), middleware)}")
         same = before == written_by_users(copy)
     if code == 0:
-        print(
-            f"The story is drawn in {options.picture.resolve()}: open it in a browser."
-        )
+        print(f"The story is drawn in {picture.resolve()}: open it in a browser.")
     return code or int(not same)
 
 
-def _run(network: Path, tally: Path, options: argparse.Namespace) -> int:
-    picture = options.picture.resolve()
-    given = ["--until", "rescue", "--set", f"world.params.picture={picture}"]
-    if options.fast:
-        given += [word for each in FAST for word in ("--set", each)]
+def lacks_for_a_scene() -> str:
+    """What has to be installed to simulate a scene with cameras; "" if nothing."""
+    if not importlib.util.find_spec("mujoco"):
+        return "pip install 'robocomp-py[sim]'"
+    from robocomp_py.sim.unsafe import has_egl, has_osmesa
+
+    return "" if has_egl() or has_osmesa() else "install the package libegl1"
+
+
+def _run(network: Path, tally: Path, picture: Path, fast: bool) -> int:
+    given = ["--until", "rescue"]
+    if network.name == SCENE:
+        given += ["--set", f"arena.params.film={picture}", *(FAST_SCENE * fast)]
+    else:
+        given += ["--set", f"world.params.picture={picture}"]
+        given += [word for each in FAST * fast for word in ("--set", each)]
     os.environ[FOLDER] = str(tally)
     try:
         return rcdeploy.main([str(network), *given])
@@ -91,7 +114,7 @@ def _run(network: Path, tally: Path, options: argparse.Namespace) -> int:
         del os.environ[FOLDER]
 
 
-_NOT_COPIED = ("__pycache__", ".*", "*.svg")
+_NOT_COPIED = ("__pycache__", ".*", "*.svg", "*.gif")
 
 
 def written_by_users(folder: Path) -> dict[str, str]:
@@ -147,7 +170,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--middleware", help="what carries the messages")
     parser.add_argument("--fast", action="store_true", help="in ten seconds or so")
-    parser.add_argument("--picture", type=Path, default=Path("rescue.svg"))
+    parser.add_argument(
+        "--flat", action="store_true", help="in a house seen from above"
+    )
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        help="file to draw the story in (default: rescue.gif, or rescue.svg if flat)",
+    )
     return parser
 
 

@@ -38,7 +38,7 @@ def test_the_story_has_a_good_end_and_shows_what_carried_it_and_that_no_file_has
     tmp_path: Path, middleware: str, carrier: str
 ) -> None:
     picture, before = tmp_path / "story.svg", everything()
-    demo = (COMPONENTS / "demo.py", "--fast", "--picture", picture, "--middleware", middleware)
+    demo = (COMPONENTS / "demo.py", "--fast", "--flat", "--picture", picture, "--middleware", middleware)
     said = story.run(*demo, cwd=tmp_path)
     story.check(said)
     assert picture.read_text().startswith("<svg")
@@ -53,6 +53,16 @@ def test_the_story_has_a_good_end_and_shows_what_carried_it_and_that_no_file_has
     users = runpy.run_path(str(COMPONENTS / "demo.py"))["written_by_users"](COMPONENTS)
     digest = hashlib.sha256(json.dumps(users, sort_keys=True).encode()).hexdigest()
     assert f"generated for {middleware}.\nSHA-256 of them all: {digest}" in said
+
+
+@pytest.mark.tool  # OpenGL
+def test_the_demo_is_in_a_scene_where_one_can_be_simulated(tmp_path: Path) -> None:
+    before = everything()
+    said = story.run(COMPONENTS / "demo.py", "--fast", cwd=tmp_path)
+    story.check(said)
+    assert (tmp_path / "rescue.gif").read_bytes().startswith(b"GIF89a")
+    assert everything() == before
+    assert "camera" in said[said.index("component  uses") :], "of the scene"
 
 
 def everything() -> dict[str, str]:
