@@ -305,18 +305,31 @@ def contract(kind: t.Type | t.ExceptionType, here: str) -> str:
         case t.Sequence(item):
             return f"Sequence({contract(item, here)}{', records=True' if kind.records else ''})"
         case t.Dictionary(key, value, name):
-            named = f', "{name}"' if name else ""  # DDS shows it
-            return f"Dictionary({contract(key, here)}, {contract(value, here)}{named})"
+            return f"Dictionary({', '.join(_dictionary_arguments(key, value, name, here))})"
+
+
+def _dictionary_arguments(key: t.Type, value: t.Type, name: str, here: str) -> list[str]:
+    named = [f'"{name}"'] if name else []  # DDS shows it
+    return [contract(key, here), contract(value, here), *named]
 
 
 def field_literals(fields: Sequence[t.Field], here: str, indent: int = 8) -> list[str]:
     """The `Field( … )` of a contract."""
-    return [call("Field", list(_field_arguments(each, here)), indent, 1) for each in fields]
+    made = []
+    for field in fields:
+        line = call("Field", list(_field_arguments(field, here, 0)), indent, 1)
+        made.append(call("Field", list(_field_arguments(field, here, indent + 4)), indent, 1) if "\n" in line else line)
+    return made
 
 
-def _field_arguments(field: t.Field, here: str) -> Iterator[str]:
+def _field_arguments(field: t.Field, here: str, indent: int) -> Iterator[str]:
+    """`indent` is that of a type on a line of its own; 0: all is on one line."""
     yield f'"{field.name}"'
-    yield contract(field.type, here)
+    match field.type:
+        case t.Dictionary(key, value, name) if indent:
+            yield call("Dictionary", _dictionary_arguments(key, value, name, here), indent, 1)
+        case _:
+            yield contract(field.type, here)
     if field.default is not None:
         yield quoted(field.default)
     if field.doc:

@@ -100,6 +100,8 @@ def text(value: str, indent: int, around: int) -> str:
     if indent + len(quoted(value)) + around <= WIDTH:
         return quoted(value)
     margin = " " * indent
+    if indent + 4 + len(quoted(value)) <= WIDTH:
+        return f"(\n{margin}    {quoted(value)}\n{margin})"
     lines = textwrap.wrap(value, WIDTH - indent - 12, break_on_hyphens=False, drop_whitespace=False)
     return "(\n" + "".join(f"{margin}    {quoted(line)}\n" for line in lines) + f"{margin})"
 

@@ -236,7 +236,11 @@ _CommonBehavior_getParameterList: Operation[ParameterList] = Operation(
     outputs=(
         Field(
             "ret",
-            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
+            Dictionary(
+                STRING,
+                Parameter.__contract__,
+                "RoboCompCommonBehavior::ParameterList",
+            ),
         ),
     ),
     doc="The configured parameters, by names such as `max_speed` and `motors[0].max_speed`.",  # noqa: E501, RUF100
@@ -247,7 +251,11 @@ _CommonBehavior_setParameterList: Operation[None] = Operation(
     inputs=(
         Field(
             "l",
-            Dictionary(STRING, Parameter.__contract__, "RoboCompCommonBehavior::ParameterList"),  # noqa: E501, RUF100
+            Dictionary(
+                STRING,
+                Parameter.__contract__,
+                "RoboCompCommonBehavior::ParameterList",
+            ),
         ),
     ),
     doc="Change dynamic parameters, by name and value: all of them, or none if one is not dynamic or not allowed.",  # noqa: E501, RUF100

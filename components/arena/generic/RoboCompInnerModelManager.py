@@ -116,7 +116,7 @@ NodeInformation.__contract__ = Struct(
                 STRING,
                 AttributeType.__contract__,
                 "RoboCompInnerModelManager::AttributeMap",
-            ),  # noqa: E501, RUF100
+            ),
             doc="the notes on it",
         ),
     ),
