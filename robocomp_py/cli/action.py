@@ -123,7 +123,7 @@ def _info(options: argparse.Namespace, hosts: Hosts) -> int:
     from .info import end_line
 
     offered = _awaited(options, hosts)
-    action = _action_of(offered)
+    action = offered.action
     print(f"{offered.name}: action")
     for line in told(action):
         print(f"  {line}")
@@ -141,7 +141,7 @@ def _cancel(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..tools.access import Access
 
     offered = _awaited(options, hosts)
-    action = _action_of(offered)
+    action = offered.action
     known = _goals(offered)
     wanted = {goal: state for goal, state in known.items() if goal.hex().startswith(options.goal.lower())}
     active = [goal for goal, state in wanted.items() if not state.is_over]
@@ -173,7 +173,7 @@ def _send(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..wire import json as values
 
     network, offered = awaited(options, lambda network: (network, _picked(network, options)), hosts)
-    action = _action_of(offered)
+    action = offered.action
     with Access() as access:
         about = asking.about(access, network, offered.start)
     if action.inputs and not options.arguments:
@@ -233,15 +233,14 @@ def _print_feedback(
     goal: Goal[Any, Any], action: Action, feedback: queue.Queue[tuple[bytes, Any]], options: argparse.Namespace
 ) -> None:
     """Print the next feedback of this goal, if one comes soon."""
-    from ..wire import json as values
+    from ..tools.actions import shown_feedback
 
     try:
         identity, told = feedback.get(timeout=_LOOK)
     except queue.Empty:
         return
     if identity == goal.id and action.feedback:
-        fields = action.feedback.fields
-        shown = values.shown(fields, [getattr(told, each.attribute) for each in fields])
+        shown = shown_feedback(action, told)
         if options.json:
             print(json.dumps({"feedback": shown}), flush=True)
         else:
@@ -250,33 +249,18 @@ def _print_feedback(
 
 def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) -> int:
     """Print how a goal has ended; its result, or the exception that it has ended with."""
-    from ..contract.types import ExceptionType
-    from ..errors import Cancelled, DeclaredError
-    from ..wire import json as values
+    from ..tools.actions import outcome
 
-    try:
-        result = goal.result(_CANCELLING)
-    except Cancelled:
-        _say(options, goal.status.name, status=goal.status.name)
-        return WRONG
-    except DeclaredError as exc:
-        kind = getattr(type(exc), "__contract__", None)
-        assert isinstance(kind, ExceptionType)
-        fields = values.shown(kind.fields, [getattr(exc, each.attribute) for each in kind.fields])
-        name = kind.name.replace("::", ".")
-        if options.json:
-            print(json.dumps({"status": goal.status.name, "exception": name, "fields": fields}))
-        print(f"rc action send: {name}: {json.dumps(fields)}", file=sys.stderr)
-        return WRONG
-    outputs = action.outputs
-    given = tuple(result) if len(outputs) > 1 else (result,) * len(outputs)
-    shown = values.shown(outputs, given)
-    told = shown["ret"] if list(shown) == ["ret"] else shown or None
+    told = outcome(goal, action, _CANCELLING)
+    if "exception" in told:
+        print(f"rc action send: {told['exception']}: {json.dumps(told['fields'])}", file=sys.stderr)
     if options.json:
-        print(json.dumps({"status": goal.status.name, "result": told}))
-    else:
-        print(goal.status.name, spelled(told))
-    return FINE
+        print(json.dumps(told))
+    elif "result" in told:
+        print(told["status"], spelled(told["result"]))
+    elif "exception" not in told:
+        print(told["status"])
+    return FINE if "result" in told else WRONG
 
 
 def _say(options: argparse.Namespace, text: str, **told: str) -> None:
@@ -296,12 +280,6 @@ def _picked(network: Network, options: argparse.Namespace) -> Offered:
     from ..tools.actions import named
 
     return named(network, options.action)
-
-
-def _action_of(offered: Offered) -> Action:
-    from ..tools.actions import action_of
-
-    return action_of(offered.name, {part: each.operation for part, each in offered.parts.items()})
 
 
 def _goals(offered: Offered) -> dict[bytes, GoalState]:

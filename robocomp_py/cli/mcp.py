@@ -17,10 +17,12 @@ from .live import Absent, add_middleware, count, reported
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..actions.goal import Goal
     from ..deploy.logs import Logs
+    from ..tools.actions import Offered
 
 NAME = "mcp"
-HELP = "let an agent, such as a language model, read a network, and call what it allows"
+HELP = "let an agent, such as a language model, read a network, and do what it allows"
 
 _EXAMPLES = """\
 examples:
@@ -31,7 +33,8 @@ A client starts it with a configuration such as this. Most clients pass few vari
 if the network was started with it.
   {"mcpServers": {"robot": {"command": "rc", "args": ["mcp", "rescue"], "env": {"XDG_RUNTIME_DIR": "/run/user/1000"}}}}
 
-Topics, parameters and measures may be read. Operations are called only if the network lists them:
+Topics, parameters and measures may be read. Operations are called, goals begun and topics published only if the
+network lists them:
   allow wander/GotoPoint/go;
 Everything that is asked is in rc-mcp.log beside the logs of the network, and on stderr. It needs:
   pip install 'robocomp-py[mcp]'
@@ -39,21 +42,18 @@ Everything that is asked is in rc-mcp.log beside the logs of the network, and on
 exit status: 0 the client has ended it, 1 the network does not run, 2 usage, 130/143 by a signal
 """
 
-LOG = "rc-mcp"
-"""The name of its log among those of a network; no process of a network can have it."""
-
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
         "Serve the Model Context Protocol at stdin and stdout, so that an agent can see what runs in a network, read "
-        "its topics, and call the operations that the network lists with `allow`."
+        "its topics, and use the operations that the network lists with `allow`."
     )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(
         to.add_argument("network", metavar="NET", help="a running network, by its name or its file"), What.NETWORK
     )
-    about = "how many operations it may call in a minute (default: 30)"
+    about = "how many calls, goals and publications it may make in a minute (default: 30)"
     to.add_argument("--calls-per-minute", type=count, default=30, metavar="N", help=about)
     add_middleware(to)
     to.set_defaults(hosts=[], keys=None)  # of `hosts_of`: all hosts, and the keys of its rcdeploy
@@ -77,39 +77,60 @@ def _serve(options: argparse.Namespace) -> int:
     import anyio
 
     from .. import __version__
-    from ..deploy.client import network_of, running_plan
+    from ..client.goals import Action
+    from ..client.session import Session
+    from ..deploy.client import network_of, not_running, running_plan
     from ..tools.access import Access
+    from ..tools.asking import DEADLINE
     from ..tools.mcp.bounds import Bounds
     from ..tools.mcp.permissions import permissions_of
     from ..tools.mcp.requests import Requests
     from ..tools.mcp.server import make_server, serve_stdio
+    from ..tools.network import TOOL
 
     network = network_of(options.network)
     plan = running_plan(network)
     if plan is None:
         file = shlex.quote(options.network) if os.path.isfile(options.network) else "FILE.ddsl"
-        raise Absent(f"network `{network}` does not run here; start it: rcdeploy up {file}")
+        raise Absent(f"{not_running(network)}; start it: rcdeploy up {file}{_elsewhere()}")
     permissions = permissions_of(plan)
     logs, write = _log(network)
     try:
         with hosts_of(options) as hosts, Access() as access:
             census = partial(hosts.census, options.middleware)
-            requests = Requests(access, census, permissions, write, Bounds(calls_a_minute=options.calls_per_minute))
-            write("INFO", f"begins; allowed: {', '.join(requests.allowed) or 'no call'}")
+            session = Session("", options.middleware, DEADLINE, TOOL)
+
+            def begin(offered: Offered, values: tuple[Any, ...]) -> Goal[Any, Any]:
+                key = f"{offered.name} {offered.start.middlewares} {list(offered.start.texts)}"
+                made: Action = session.kept(key, lambda: Action(session, offered))
+                return made(*values)
+
+            bounds = Bounds(calls_a_minute=options.calls_per_minute)
+            requests = Requests(access, census, permissions, write, begin, bounds)
+            write("INFO", f"begins; allowed: {', '.join(permissions.all) or 'nothing'}")
             try:
                 anyio.run(serve_stdio, make_server(requests, network, __version__))
             finally:
+                requests.close()
+                session.close()  # cancels goals
                 write("INFO", "ends")
     finally:
         logs.close()
     return FINE
 
 
+def _elsewhere() -> str:
+    """A hint if this process has fewer variables than the terminal that has started the network."""
+    if os.environ.keys() & {"XDG_RUNTIME_DIR", "ROBOCOMP_RUNTIME_DIR"}:
+        return ""
+    return "; if it runs already, let the client pass on XDG_RUNTIME_DIR, and ROBOCOMP_RUNTIME_DIR if it is set"
+
+
 def _log(network: str) -> tuple[Logs, Callable[[str, str], Any]]:
     """Where the network keeps its logs, and what writes a line there and to stderr."""
     import threading
 
-    from ..deploy.logs import Logs
+    from ..deploy.logs import AGENT, Logs
     from ..deploy.place import Place
     from ..deploy.ring import Line
 
@@ -119,7 +140,7 @@ def _log(network: str) -> tuple[Logs, Callable[[str, str], Any]]:
 
     def write(level: str, text: str) -> None:
         with lock:
-            logs.write(Line(time.time(), LOG, f"{level}: {text}"))
+            logs.write(Line(time.time(), AGENT, f"{level}: {text}"))
             print(f"rc mcp: {text}", file=sys.stderr, flush=True)
 
     return logs, write

@@ -16,7 +16,7 @@ import json
 import logging
 import os
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -30,6 +30,9 @@ from .place import file_name
 from .ring import Line
 
 log = logging.getLogger("robocomp.deploy")
+
+AGENT = "rc-mcp"
+"""The log of `rc mcp`, which writes it itself; no process of a network can have this name."""
 
 KEPT = 2
 """Files of each that are kept beside the newest."""
@@ -184,6 +187,23 @@ def past_lines(
     found = [line for line in found if line.at >= since and (wanted is None or wanted(line))]
     found.sort(key=lambda line: line.at)
     return found[-count:] if count else []
+
+
+def growing_lines(
+    folder: Path, name: str, count: int, since: float, wanted: Callable[[Line], bool], goes_on: Callable[[], bool]
+) -> Iterator[Line]:
+    """The newest lines in the file of one process, and new ones as they come, for as long as `goes_on`."""
+    path, size, last = folder / f"{file_name(name)}.log", -1, since
+    past = past_lines(folder, [name], count, since, wanted)
+    yield from past
+    last = max((each.at for each in past), default=since)
+    while goes_on():
+        with contextlib.suppress(OSError):  # it is being turned over
+            if (now := path.stat().st_size) != size:
+                size = now
+                new = [each for each in past_lines(folder, [name], _ANY_NUMBER, last) if each.at > last]
+                last = max((each.at for each in new), default=last)
+                yield from filter(wanted, new)
 
 
 def logged_names(folder: Path, names: Collection[str] = ()) -> list[str]:

@@ -78,7 +78,7 @@ class Ours:
 
 @dataclass(frozen=True)
 class Allowed:
-    """An operation that an agent may call."""
+    """An operation that an agent may use."""
 
     instance: str
     named: str
@@ -86,6 +86,8 @@ class Allowed:
     interface: str
     """As the names of its channels have it: `Laser`, `Laser1`."""
     operation: str
+    kind: str
+    """`call` of a query or command, `goal` of an action, `publication` to a topic that the instance subscribes to."""
 
 
 class Security(StrEnum):

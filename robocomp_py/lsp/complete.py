@@ -355,7 +355,7 @@ def _referable(place: _Place, what: Refers, symbols: list[Symbol]) -> Iterator[C
 
 
 def _allowable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
-    """What an agent may be allowed to call: what can follow the written part of a path."""
+    """What an agent may be allowed to do: what can follow the written part of a path."""
     written = "".join(" ".join(place.words[1:]).rpartition(",")[2].split())
     if written and not written.endswith("/"):
         return
@@ -363,7 +363,7 @@ def _allowable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
     for prefix, ports in [("", _ports(place, symbols))] if inside else _served(place, symbols):
         for port in ports:
             verb, interface, *each = port.split()
-            if verb != Verb.IMPLEMENTS or each:
+            if verb not in (Verb.IMPLEMENTS, Verb.SUBSCRIBES) or each:
                 continue
             for path, symbol in _paths(f"{prefix}{interface}", interface, symbols):
                 if path.startswith(written):
@@ -380,11 +380,11 @@ def _served(place: _Place, symbols: list[Symbol]) -> Iterator[tuple[str, list[st
 
 
 def _paths(port: str, interface: str, symbols: list[Symbol]) -> Iterator[tuple[str, Symbol]]:
-    """The paths of an interface and of its operations; of actions, none."""
+    """The paths of an interface and of its operations."""
     for each in _of(symbols, Kind.INTERFACE):
         if each.name.text == interface:
             yield port, each
-            yield from ((f"{port}/{one.name}", one) for one in each.children if "[action]" not in one.detail)
+            yield from ((f"{port}/{one.name}", one) for one in each.children)
 
 
 _TOPIC_VERBS = tuple(str(verb) for verb in Verb if verb.is_topic)

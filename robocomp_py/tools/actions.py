@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..contract import action as actions
 from ..contract.action import OCTETS, Action, GoalState
 from ..contract.interface import Operation, Pattern
-from ..contract.types import Struct
+from ..contract.types import ExceptionType, Struct
+from ..errors import Cancelled, DeclaredError
 from ..spelling import closest
+from ..wire import json as values
 from .idsl import declared
 from .network import Channel, Network, NotUnderstood
+
+if TYPE_CHECKING:
+    from ..actions.goal import Goal
 
 _START = "-start"
 
@@ -29,6 +34,11 @@ class Offered:
     @property
     def start(self) -> Channel:
         return self.parts["start"]
+
+    @property
+    def action(self) -> Action:
+        """As its parts are announced. Raises NotUnderstood."""
+        return action_of(self.name, {part: each.operation for part, each in self.parts.items()})
 
 
 def offered(network: Network) -> dict[str, Offered]:
@@ -87,6 +97,34 @@ def goals(octets: bytes, states: bytes) -> dict[bytes, GoalState]:
         for place, state in enumerate(states)
         if state in known and len(octets) >= (place + 1) * OCTETS
     }
+
+
+def outcome(goal: Goal[Any, Any], action: Action, timeout: float) -> dict[str, Any]:
+    """How a goal has ended, as JSON: its `status`, and its `result`, or the `exception` that it declares with `fields`.
+
+    Raises Timeout if it does not end within `timeout` seconds, and what it ended with if that is not declared.
+    """
+    try:
+        result = goal.result(timeout)
+    except Cancelled:
+        return {"status": goal.status.name}
+    except DeclaredError as exc:
+        kind = getattr(type(exc), "__contract__", None)
+        assert isinstance(kind, ExceptionType)
+        fields = values.shown(kind.fields, [getattr(exc, each.attribute) for each in kind.fields])
+        return {"status": goal.status.name, "exception": kind.name.replace("::", "."), "fields": fields}
+    outputs = action.outputs
+    given = tuple(result) if len(outputs) > 1 else (result,) * len(outputs)
+    shown = values.shown(outputs, given)
+    return {"status": goal.status.name, "result": shown["ret"] if list(shown) == ["ret"] else shown or None}
+
+
+def shown_feedback(action: Action, told: Any) -> Any:
+    """Feedback of a goal as JSON; None if there is none."""
+    if told is None or action.feedback is None:
+        return None
+    fields = action.feedback.fields
+    return values.shown(fields, [getattr(told, each.attribute) for each in fields])
 
 
 def told(action: Action) -> Iterator[str]:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.cli.rcdeploy import main as rcdeploy
+from robocomp_py.deploy.logs import AGENT, Logs
 from robocomp_py.deploy.place import Place
+from robocomp_py.deploy.ring import Line
 from robocomp_py.testing.patience import SOON, wait_until
 
 from .losing import UNHEARD, run_losing
@@ -106,6 +110,38 @@ def test_what_was_printed_can_be_read_later(house: Running, capsys: Said) -> Non
     assert capsys.readouterr().out[13:] == "prints | two\n"
     assert rcdeploy(["logs", house.path, "rcdeploy"]) == 0
     assert capsys.readouterr().out.endswith("rcdeploy | all 2 components of house are ready\n")
+
+
+def test_what_an_agent_has_done_can_be_read_and_followed_while_it_runs(house: Running, capsys: Said) -> None:
+    assert rcdeploy(["logs", "house", "rc-mcp"]) == 1
+    assert "no `rc mcp` has been started for this run of house" in capsys.readouterr().err
+    logs = Logs(Place("house").logs)
+    logs.write(Line(time.time(), AGENT, "INFO: begins"))
+    logs.write(Line(time.time(), AGENT, "WARNING: call: refused"))
+    with subprocess.Popen(
+        [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "house", "rc-mcp", "-f"],
+        text=True,
+        stdout=subprocess.PIPE,
+    ) as following:
+        assert following.stdout
+        assert [following.stdout.readline().partition(" | ")[2] for _ in range(2)] == [
+            "INFO: begins\n",
+            "WARNING: call: refused\n",
+        ]
+        logs.write(Line(time.time(), AGENT, "INFO: ends"))
+        assert following.stdout.readline().endswith("rc-mcp | INFO: ends\n")
+        following.send_signal(signal.SIGINT)
+    assert following.returncode == 130
+    assert rcdeploy(["logs", "house", "rc-mcp", "--level", "warning"]) == 0
+    assert capsys.readouterr().out.count(" | ") == 1
+    assert rcdeploy(["logs", "house", "rc-mcp", "prints", "-n", "4"]) == 0
+    assert {each.partition(" | ")[0].split()[-1] for each in capsys.readouterr().out.splitlines()} == {
+        "rc-mcp",
+        "prints",
+    }
+    assert rcdeploy(["logs", "house", "rc-mcp", "prints", "-f"]) == 2
+    assert "the log of rc-mcp is followed alone; leave out prints" in capsys.readouterr().err
+    logs.close()
 
 
 def test_it_is_not_started_twice(house: Running) -> None:

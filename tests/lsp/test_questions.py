@@ -357,10 +357,10 @@ Deployment tamed
         ("hand/Ar|m/moveTo", "interface of `RoboCompArm`"),
         ("Arm/move|To", "void moveTo("),
         ("allow Arm/get|Joints", "Where all joints are."),
-        ("all|ow Arm", "an agent may call"),
+        ("all|ow Arm", "an agent may do"),
     ],
 )
-def test_hovering_what_an_agent_may_call_shows_what_it_is(editor: Editor, marked: str, expected: str) -> None:
+def test_hovering_what_an_agent_may_do_shows_what_it_is(editor: Editor, marked: str, expected: str) -> None:
     editor.open("tamed.ddsl", ALLOWING)
     assert expected in said(editor, "tamed.ddsl", marked)
 

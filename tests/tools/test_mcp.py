@@ -11,14 +11,19 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pytest
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 
 from robocomp_py.cli import rc
+from robocomp_py.client.goals import Action
+from robocomp_py.client.session import Session
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.place import Place
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import asking
 from robocomp_py.tools.access import Access
@@ -29,7 +34,8 @@ from robocomp_py.tools.mcp.requests import Requests
 from robocomp_py.tools.mcp.server import make_server
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Calculator, Tuned
+from ..client.pilot import flying
+from ..runtime.components import Calculator, Diary, Tuned
 from ..runtime.test_middlewares import Station
 from ..runtime.test_run import make, running
 
@@ -37,14 +43,30 @@ LONG = 6 * SOON
 """Seconds for a client and its server, which may be a process that has to start."""
 
 SET = ("middleware=shm", "namespace=robot1")
+PREFIXES = {
+    "station": "robot1/station",
+    "tuned": "robot1/tuned",
+    "ear": "robot1/ear",
+    "lonely": "robot2/ear",
+    "pilot": "pilot",
+}
+
+
+def permission(instance: str, interface: str, operation: str, kind: str) -> dict[str, str]:
+    return {"instance": instance, "named": "", "interface": interface, "operation": operation, "kind": kind}
+
+
+ALLOW = [
+    *(permission("station", "Everything", each, "call") for each in ("divide", "work", "poke")),
+    permission("pilot", "Pilot", "fly", "goal"),
+    permission("ear", "Everything", "news", "publication"),
+    permission("lonely", "Everything", "news", "publication"),
+]
 PLAN = {
     "name": "tamed",
-    "processes": [{"instances": ["station"]}, {"instances": ["tuned"]}],
-    "ours": {"station": {"channels": "robot1/station"}, "tuned": {"channels": "robot1/tuned"}},
-    "allow": [
-        {"instance": "station", "named": "", "interface": "Everything", "operation": each}
-        for each in ("divide", "work", "poke")
-    ],
+    "processes": [{"instances": [each]} for each in PREFIXES],
+    "ours": {name: {"channels": prefix} for name, prefix in PREFIXES.items()},
+    "allow": ALLOW,
 }
 
 
@@ -62,16 +84,29 @@ class Talker(Station):
         self.entries.append(f"poked {number}")
 
 
+class Ear(Diary):
+    """Hears any publisher of its namespace."""
+
+    component = Component("ear", (Port(Verb.SUBSCRIBES, e.EVERYTHING),), period=0.05)
+
+    def Everything_news(self, number: int, text: str) -> None:
+        if text != "hello":
+            self.entries.append(f"{number} {text}")
+
+
 @pytest.fixture(scope="module")
-def network() -> Iterator[dict[str, Any]]:
-    """The workers of three components, one of which does not belong to the network of the agent."""
+def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    """The workers of components, one of which does not belong to the network of the agent."""
     with (
+        flying(tmp_path_factory.mktemp("mcp")),
         running(make(Talker, find_transport, *SET)) as station,
         running(make(Tuned, find_transport, *SET, "params.device=here")) as tuned,
         running(make(Calculator, find_transport, *SET)) as stranger,
+        running(make(Ear, find_transport, *SET)) as ear,
+        running(make(Ear, find_transport, "middleware=shm", "namespace=robot2")) as lonely,
     ):
-        wait_until(lambda: len(asking.components(take_census(["shm"]))) >= 3, LONG)
-        yield {"station": station, "tuned": tuned, "calculator": stranger}
+        wait_until(lambda: len(asking.components(take_census(["shm"]))) >= 6, LONG)
+        yield {"station": station, "tuned": tuned, "calculator": stranger, "ear": ear, "lonely": lonely}
 
 
 class Agent:
@@ -79,13 +114,22 @@ class Agent:
 
     def __init__(self, access: Access, bounds: Bounds) -> None:
         self.log: list[str] = []
+        self.session = Session("", ["shm"], SOON)
         self.requests = Requests(
             access,
             partial(take_census, ["shm"]),
             permissions_of(PLAN),
             lambda level, text: self.log.append(f"{level}: {text}"),
+            lambda offered, values: Action(self.session, offered)(*values),
             bounds,
         )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.requests.close()
+        self.session.close()
 
     def ask(self, tool: str, mode: str = "auto", **arguments: Any) -> Any:
         """The answer as JSON. Raises Refused with the text of an error."""
@@ -103,19 +147,26 @@ class Agent:
 
 @pytest.fixture
 def agent(network: dict[str, Any]) -> Iterator[Agent]:
-    with Access() as access:
-        yield Agent(access, Bounds())
+    with Access() as access, Agent(access, Bounds()) as made:
+        yield made
 
 
 def test_an_agent_sees_its_network_and_nothing_else(agent: Agent) -> None:
     seen = agent.ask("list_components")
-    assert {each["component"].rpartition("/")[2] for each in seen["components"]} == {"station", "tuned"}
+    assert {each["component"].strip("/") for each in seen["components"]} == set(PREFIXES.values())
     assert seen["may_be_called"] == [f"robot1/station/Everything/{name}" for name in ("divide", "work", "poke")]
+    assert (seen["goals_may_be_begun"], seen["may_be_published"]) == (
+        ["pilot/Pilot/fly"],
+        ["robot1/ear/Everything/news", "robot2/ear/Everything/news"],
+    )
     channels = agent.ask("list_channels", mode="legacy")
-    assert {each["channel"].split("/")[1] for each in channels} == {"station"}
+    assert {each["channel"].rpartition("/")[0] for each in channels} == {"robot1/station/Everything", "pilot/Pilot"}
     [poke] = agent.ask("list_channels", kind="command")
     assert (poke["channel"], poke["kind"], poke["may_be_called"]) == ("robot1/station/Everything/poke", "command", True)
-    assert [each["kind"] for each in agent.ask("list_channels", contains="news")] == ["topic"]
+    [news] = agent.ask("list_channels", contains="news")
+    assert (news["kind"], news["may_be_published"]) == ("topic", True)
+    [fly] = agent.ask("list_channels", kind="action")
+    assert (fly["channel"], fly["goals_may_be_begun"]) == ("pilot/Pilot/fly", True)
 
 
 def test_an_agent_reads_topics_contracts_parameters_and_measures(agent: Agent) -> None:
@@ -141,6 +192,64 @@ def test_an_agent_calls_what_the_network_allows(agent: Agent, network: dict[str,
     wait_until(lambda: "poked 5" in network["station"].entries)
 
 
+FLIGHT = {"target": {"x": 1, "y": 2}, "steps": 3}
+
+
+def test_an_agent_begins_reads_and_cancels_goals_that_the_network_allows(agent: Agent) -> None:
+    fly = agent.ask("describe", name="Pilot/fly")
+    assert fly["contract"][0].startswith("[action] int32 fly(Place target, int32 steps)")
+    assert (fly["kind"], fly["arguments"]["steps"], fly["goals_may_be_begun"]) == ("action", 0, True)
+    begun = agent.ask("begin_goal", action="fly", arguments=FLIGHT)
+    ended = agent.ask("read_goal", goal=begun["goal"], timeout=30)
+    assert ended == {"goal": begun["goal"], "action": "pilot/Pilot/fly", "status": "SUCCEEDED", "result": 3}
+    blocked = agent.ask("begin_goal", action="fly", arguments=FLIGHT | {"target": {"x": -1, "y": 0}})
+    ended = agent.ask("read_goal", goal=blocked["goal"], timeout=30)
+    assert (ended["exception"], ended["fields"]) == ("RoboCompPilot.Blocked", {"by": "a bird"})
+    far = agent.ask("begin_goal", action="fly", arguments=FLIGHT | {"steps": 100_000})["goal"]
+    wait_until(lambda: (agent.ask("read_goal", goal=far, timeout=0.05)["feedback"] or {}).get("left"))
+    agent.ask("cancel_goal", goal=far)
+    assert agent.ask("read_goal", goal=far, timeout=30)["status"] == "CANCELED"
+    wait_until(lambda: f"INFO: goal {far} of pilot/Pilot/fly: CANCELED" in agent.log)
+    begun_at = [each for each in agent.log if each.startswith("INFO: begin goal of pilot/Pilot/fly ")]
+    assert len(begun_at) == 3
+
+
+def test_a_goal_whose_time_is_over_is_cancelled(agent: Agent) -> None:
+    far = agent.ask("begin_goal", action="fly", arguments=FLIGHT | {"steps": 100_000}, limit=0.2)["goal"]
+    assert agent.ask("read_goal", goal=far, timeout=30)["status"] == "CANCELED"
+    assert f"WARNING: goal {far} of pilot/Pilot/fly: not over in 0.2 s; it is cancelled" in agent.log
+
+
+def test_goals_end_with_the_server_and_are_few(network: dict[str, Any]) -> None:
+    with Access() as access, Agent(access, Bounds(goals=1)) as agent:
+        far = agent.ask("begin_goal", action="fly", arguments=FLIGHT | {"steps": 100_000})["goal"]
+        with pytest.raises(Refused, match=f"at most 1 goals at a time; these are not over: {far}"):
+            agent.ask("begin_goal", action="fly", arguments=FLIGHT)
+    with Access() as access, Agent(access, Bounds()) as other:
+        wait_until(lambda: _begins(other), LONG)
+
+
+def _begins(agent: Agent) -> bool:
+    """Whether the pilot, which refuses a second goal, has a goal no more."""
+    try:
+        agent.ask("begin_goal", action="fly", arguments=FLIGHT)
+    except Refused:
+        return False
+    return True
+
+
+def test_an_agent_publishes_what_the_network_allows(agent: Agent, network: dict[str, Any]) -> None:
+    message = {"number": 7, "text": "from an agent"}
+    assert agent.ask("describe", name="robot2/ear/Everything/news")["may_be_published"]
+    for topic, channel, ear in (
+        ("robot1/ear/Everything/news", "robot1/station/Everything/news", network["ear"]),
+        ("robot2/ear/Everything/news", "robot2/rc-mcp/Everything/news", network["lonely"]),
+    ):
+        assert agent.ask("publish", topic=topic, arguments=message) == {"published": channel}
+        wait_until(lambda: "7 from an agent" in ear.entries, LONG)  # noqa: B023 - it ends within the loop
+        assert f"INFO: publish {channel} {json.dumps(message)}" in agent.log
+
+
 @pytest.mark.parametrize(
     ("tool", "arguments", "why"),
     [
@@ -152,6 +261,15 @@ def test_an_agent_calls_what_the_network_allows(agent: Agent, network: dict[str,
         ("call", {"operation": "work", "arguments": {"task": "x" * 70_000}}, "longer than 65536 characters"),
         ("call", {"operation": "work", "arguments": {"task": "x"}, "timeout": 1e9}, "above 0, up to 30"),
         ("call", {}, "`operation` is missing"),
+        ("call", {"operation": "fly"}, "is an action; begin_goal begins a goal"),
+        ("begin_goal", {"action": "Pilot/flyy"}, "did you mean `Pilot/fly`"),
+        ("begin_goal", {"action": "fly", "arguments": {"steps": 3}}, "lacks `target`"),
+        ("begin_goal", {"action": "fly", "arguments": FLIGHT, "limit": 1e6}, "limit=1000000.0 is not a number"),
+        ("read_goal", {"goal": "12345678"}, "unknown goal `12345678`; known: none"),
+        ("cancel_goal", {}, "`goal` is missing: a name, as begin_goal returns it"),
+        ("publish", {"topic": "news", "arguments": {"number": 1, "text": "x"}}, "may be"),
+        ("publish", {"topic": "robot1/ear/Everything/news", "arguments": {"number": 1}}, "lacks `text`"),
+        ("publish", {"topic": "work", "arguments": {"task": "x"}}, "unknown topic"),
         ("describe", {"name": "devide"}, "did you mean"),
         ("read_topic", {"topic": "work"}, "unknown topic"),
         ("read_topic", {"topic": "news", "count": 1000}, "a whole number from 1 to 20"),
@@ -183,8 +301,7 @@ def test_everything_that_an_agent_does_is_logged_before_it_is_done(agent: Agent)
 
 
 def test_calls_are_limited_and_reads_go_on(network: dict[str, Any]) -> None:
-    with Access() as access:
-        agent = Agent(access, Bounds(calls_a_minute=2))
+    with Access() as access, Agent(access, Bounds(calls_a_minute=2)) as agent:
         for _ in range(2):
             agent.ask("call", operation="work", arguments={"task": "dig"})
         with pytest.raises(Refused, match=r"at most 2 calls a minute; the next one in \d+ s"):
@@ -214,9 +331,24 @@ def test_an_answer_is_cut_to_its_bound() -> None:
     assert fitted({"a": [1, 2]}, 100) == ('{"a": [1, 2]}', False)
 
 
+@pytest.mark.parametrize(
+    ("tool", "arguments"),
+    [
+        ("begin_goal", {"action": "fly", "arguments": FLIGHT}),
+        ("publish", {"topic": "robot1/station/Everything/news", "arguments": {"number": 1, "text": "x"}}),
+    ],
+)
+def test_goals_and_publications_that_the_network_does_not_allow_are_refused(
+    tool: str, arguments: dict[str, Any], agent: Agent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(agent.requests, "_permissions", permissions_of({**PLAN, "allow": []}))
+    with pytest.raises(Refused, match=r"network `tamed` does not allow .*; it allows no (goal|publication)"):
+        agent.ask(tool, **arguments)
+
+
 def test_a_network_that_allows_nothing_has_no_calls() -> None:
-    assert permissions_of({**PLAN, "allow": []}).calls == ()
-    assert permissions_of({**PLAN, "allow": [PLAN["allow"][0] | {"named": "front"}]}).calls == (  # type: ignore[index]
+    assert permissions_of({**PLAN, "allow": []}).all == ()
+    assert permissions_of({**PLAN, "allow": [ALLOW[0] | {"named": "front"}]}).calls == (
         "robot1/front/Everything/divide",
     )
 
@@ -239,7 +371,7 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any])
                 return [each.name for each in tools], called.content[0]
 
         tools, content = asyncio.run(asyncio.wait_for(ask(), LONG))
-        assert tools[-1] == "call"
+        assert tools[-1] == "publish"
         assert json.loads(content.text) == {"result": "stdio"}
         assert "work stdio" in network["station"].entries
         log = (place.logs / "rc-mcp.log").read_text()
@@ -252,7 +384,7 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any])
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (["nothing"], "network `nothing` does not run here; start it: rcdeploy up FILE.ddsl"),
+        (["nothing"], "network `nothing` is not running on this machine; start it: rcdeploy up FILE.ddsl"),
         (["missing.ddsl"], "missing.ddsl cannot be read"),
     ],
 )
@@ -272,8 +404,7 @@ def test_a_missing_library_names_its_extra(capsys: pytest.CaptureFixture[str], m
 
 def test_the_guide_lists_every_tool() -> None:
     guide = (Path(__file__).parents[2] / "docs" / "guides" / "mcp.md").read_text(encoding="utf-8")
-    with Access() as access:
-        agent = Agent(access, Bounds())
+    with Access() as access, Agent(access, Bounds()) as agent:
 
         async def ask() -> list[str]:
             async with Client(make_server(agent.requests, "tamed")) as client:

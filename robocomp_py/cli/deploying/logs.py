@@ -6,10 +6,10 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from ..common import FINE, complain, raise_if_signalled
+from ..common import FINE, USAGE, complain, raise_if_signalled
 from ..completing import What, completed
 from ..logged import add_filters, wanted
 from .connected import add_network, connected, show
@@ -27,6 +27,7 @@ examples:
   rcdeploy logs net.ddsl laser -n 20  ... twenty of one instance
   rcdeploy logs net.ddsl -f           ... and new lines as they come, until Ctrl-C or the network ends
   rcdeploy logs net.ddsl rcdeploy     the messages of rcdeploy itself
+  rcdeploy logs net.ddsl rc-mcp -f    what an agent does, through rc mcp
   rcdeploy logs net.ddsl --level warning --since 10m    warnings and errors of the last ten minutes
   rcdeploy logs net.ddsl --grep 'lost|late' -f          lines with one of these words, and new ones as they come
   rcdeploy logs net.ddsl --json                         an object a line: time, level, instance, file, text and more
@@ -55,14 +56,55 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(connection: Connection, options: argparse.Namespace) -> int:
+    from ...deploy.logs import AGENT
+
+    if AGENT in options.names:
+        return _print_agent(connection, options)
+    _show(_lines(connection, options.names, options), as_json=options.json)
+    return FINE
+
+
+def _lines(connection: Connection, names: Sequence[str], options: argparse.Namespace) -> Iterable[Line]:
     from ...deploy.client import chosen_lines, lines
 
-    names, count, follow = options.names, options.lines, options.follow
+    count, follow = options.lines, options.follow
     if wanted(options).everything:
-        _show(lines(connection, names, count, follow=follow), as_json=options.json)
-    else:
-        _show(chosen_lines(connection, names, count, _is_wanted(options), follow=follow), as_json=options.json)
+        return lines(connection, names, count, follow=follow)
+    return chosen_lines(connection, names, count, _is_wanted(options), follow=follow)
+
+
+def _print_agent(connection: Connection, options: argparse.Namespace) -> int:
+    """Print what `rc mcp` has written, which rcdeploy does not keep, and what the others have printed."""
+    from ...deploy.logs import AGENT, growing_lines, logged_names, past_lines
+    from ...deploy.place import Place, Run
+
+    place = Place(connection.network)
+    run = place.last_run() or Run(place.logs, 0.0)
+    names = [each for each in options.names if each != AGENT]
+    if not logged_names(run.logs, [AGENT]):
+        return complain(f"rcdeploy: no `rc mcp` has been started for this run of {connection.network}")
+    if options.follow and names:
+        complain(f"rcdeploy: the log of {AGENT} is followed alone; leave out {', '.join(names)}")
+        return USAGE
+    count, choice = options.lines, _is_wanted(options)
+    if options.follow:
+
+        def goes_on() -> bool:
+            time.sleep(_LOOK_S)
+            raise_if_signalled()
+            return place.runner() is not None
+
+        _show(growing_lines(run.logs, AGENT, count, run.began, choice, goes_on), as_json=options.json)
+        return FINE
+    found = past_lines(run.logs, [AGENT], count, run.began, choice)
+    found += _lines(connection, names, options) if names else []
+    found = sorted(found, key=lambda line: line.at)[-count:] if count else []
+    _show(found, as_json=options.json)
     return FINE
+
+
+_LOOK_S = 0.2
+"""Seconds between two looks for new lines in a file."""
 
 
 def _is_wanted(options: argparse.Namespace) -> Callable[[Line], bool]:

@@ -1,17 +1,20 @@
-"""`allow wander/GotoPoint/go, speech/Speech;`: the operations that an agent may call through `rc mcp`.
+"""`allow wander/GotoPoint/go, speech/Speech;`: what an agent may do through `rc mcp`.
 
-A path names an instance, an interface as `rc list` shows it, and an operation. Without an operation it stands for all
-of the interface except those that are marked `[confirm]`. In the block of a component it begins with the interface.
+A path names an instance, an interface as `rc list` shows it, and an operation: a query or command that the instance
+serves, an action, or a topic that it subscribes to. Without an operation it stands for all of the interface except
+those that are marked `[confirm]`. In the block of a component it begins with the interface.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+from ...contract.action import Action
 from ...contract.component import Component, Port
-from ...contract.interface import Verb
+from ...contract.interface import Operation, Verb
 from ..diagnostics import Report, did_you_mean
 from ..source import Name
 from . import model as m
@@ -45,9 +48,9 @@ def check_allow(model: m.Deployment, report: Report) -> None:
 
 
 def read_allow(model: m.Deployment, components: Mapping[str, Component], report: Report) -> list[dict[str, str]]:
-    """The operations that are allowed, as JSON has them: `instance`, `named`, `interface`, `operation`.
+    """The operations that are allowed, as JSON has them: `instance`, `named`, `interface`, `operation`, `kind`.
 
-    What a component does not serve is an error. `components` are those of the instances, by name.
+    What a component neither serves nor subscribes to is an error. `components` are those of the instances, by name.
     """
     found: dict[tuple[str, ...], dict[str, str]] = {}
     for block, written in _written(model):
@@ -55,9 +58,9 @@ def read_allow(model: m.Deployment, components: Mapping[str, Component], report:
         component = components.get(path.instance.name.text) if path else None
         if path is None or component is None or (port := _port(path, component, report)) is None:
             continue
-        for operation in _operations(path, port, report):
+        for operation, kind in _operations(path, port, report):
             told = (path.instance.name.text, path.named, component.segment(port), operation)
-            found[told] = dict(zip(("instance", "named", "interface", "operation"), told, strict=True))
+            found[told] = dict(zip(("instance", "named", "interface", "operation", "kind"), (*told, kind), strict=True))
     return list(found.values())
 
 
@@ -113,14 +116,15 @@ def _tell_unknown(model: m.Deployment, block: m.Deployment | m.Instance, written
 
 
 def _port(path: Path, component: Component, report: Report) -> Port | None:
-    """The port that a path names, if the component serves it."""
+    """The port that a path names, if the component serves it, or subscribes to it."""
     name = path.port.text
     ports = [each for each in component.ports if component.segment(each) == name]
-    served = [each for each in ports if each.verb is Verb.IMPLEMENTS]
+    usable = [each for each in ports if each.verb is Verb.IMPLEMENTS]
+    usable += [each for each in ports if each.verb is Verb.SUBSCRIBES]
     who = path.lead or component.name
-    if found := next((each for each in served if each.each == bool(path.named)), None):
+    if found := next((each for each in usable if each.each == bool(path.named)), None):
         return found
-    if served:
+    if usable:
         offers = [each.local for each in path.instance.offers] or ["front"]
         message = (
             f"`{path.instance.name}` serves `{name}` by {'its own name' if path.named else 'named instances'} only"
@@ -129,39 +133,39 @@ def _port(path: Path, component: Component, report: Report) -> Port | None:
         report.error("wrong-allow", message, path.port.span, hint)
     elif ports:
         topic = ports[0].verb.is_topic
-        message = f"`{who}` {ports[0].verb} `{name}`, it does not serve it"
+        message = f"`{who}` {ports[0].verb} `{name}`, it neither serves it nor subscribes to it"
         hint = "remove it: topics are read without being allowed" if topic else "name the instance that implements it"
         report.error("wrong-allow", message, path.port.span, hint)
     else:
         others = [
             component.segment(each)
             for each in component.ports
-            if each.verb is Verb.IMPLEMENTS and each.each == bool(path.named)
+            if each.verb in (Verb.IMPLEMENTS, Verb.SUBSCRIBES) and each.each == bool(path.named)
         ]
-        hint = did_you_mean(name, others) or (f"it serves {', '.join(others)}" if others else "it serves none")
-        report.error("unknown-port", f"`{who}` serves no interface `{name}`", path.port.span, hint)
+        hint = did_you_mean(name, others) or (f"there are {', '.join(others)}" if others else "there is none")
+        message = f"`{who}` neither serves an interface `{name}` nor subscribes to one"
+        report.error("unknown-port", message, path.port.span, hint)
     return None
 
 
-def _operations(path: Path, port: Port, report: Report) -> Sequence[str]:
-    """The names of the operations that a path means."""
-    known = {operation.name: operation for operation, _ in port.interface.under(port.verb)}
-    actions = [each.name for each in port.interface.actions_under(port.verb)]
+def _operations(path: Path, port: Port, report: Report) -> Iterator[tuple[str, str]]:
+    """The names and kinds of the operations that a path means."""
+    kind = "publication" if port.verb.is_topic else "call"
+    operations = [each for each, _ in port.interface.under(port.verb)]
+    known: dict[str, Operation[Any] | Action] = {each.name: each for each in operations}
+    known |= {each.name: each for each in port.interface.actions_under(port.verb)}
     interface = port.interface.short
     if path.operation is None:
-        found = [each.name for each in known.values() if not each.confirm]
-        if not found:
+        wanted = [each.name for each in known.values() if not each.confirm]
+        if not wanted:
             message = f"`{interface}` has no operation without `[confirm]`"
             listed = ", ".join(f"{interface}/{each}" for each in known)
             report.error("wrong-allow", message, path.port.span, f"name each: {listed}" if listed else "remove it")
-        return found
-    name = path.operation.text
-    if name in known:
-        return [name]
-    if name in actions:
-        message = f"`{name}` is an action, and an agent only calls queries and sends commands"
-        report.error("wrong-allow", message, path.operation.span, "remove it")
+    elif path.operation.text in known:
+        wanted = [path.operation.text]
     else:
+        name, wanted = path.operation.text, []
         hint = did_you_mean(name, known) or (f"it has {', '.join(known)}" if known else "it has none")
         report.error("unknown-operation", f"`{interface}` has no operation `{name}`", path.operation.span, hint)
-    return []
+    for each in wanted:
+        yield each, "goal" if isinstance(known[each], Action) else kind

@@ -382,7 +382,7 @@ CLAUSES = (
         '"allow" _whom ("," _whom)* ","? ";"',
         (Block.NETWORK, Block.INSTANCE),
         "allow lidar/Laser/getLaserData;",
-        "the operations that an agent may call through `rc mcp`",
+        "what an agent may do through `rc mcp`: calls, goals of actions, publications to what it subscribes to",
         misplaced="write it for the network, with paths from an instance, or for a component",
         read=lambda written: written.names,
         many=True,

@@ -31,11 +31,16 @@ class Bounds:
     """Characters of the arguments as JSON."""
     messages: int = 20
     """Messages of a topic in one answer."""
+    goals: int = 4
+    """Goals at a time."""
+    longest_goal: float = 600.0
+    """Seconds after which a goal is cancelled at the latest."""
 
-    def seconds(self, given: Any) -> float:
-        """A time that an agent asks for. Raises Refused."""
-        if isinstance(given, bool) or not isinstance(given, int | float) or not 0 < given <= self.longest:
-            raise Refused(f"timeout={given!r} is not a number of seconds above 0, up to {self.longest:g}")
+    def seconds(self, given: Any, name: str = "timeout", longest: float = 0.0) -> float:
+        """A time that an agent asks for; at most `longest`, or else that of a request. Raises Refused."""
+        most = longest or self.longest
+        if isinstance(given, bool) or not isinstance(given, int | float) or not 0 < given <= most:
+            raise Refused(f"{name}={given!r} is not a number of seconds above 0, up to {most:g}")
         return float(given)
 
     def count(self, given: Any) -> int:

@@ -1,4 +1,4 @@
-"""What an agent may see and call in a network, from the plan that it runs by. Pure."""
+"""What an agent may see and do in a network, from the plan that it runs by. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,15 @@ class Permissions:
     instances: frozenset[str]
     """The instances of the network, by the beginning of the names of their channels."""
     calls: Sequence[str] = field(default=())
-    """The operations that may be called: `robot1/wander/GotoPoint/go`."""
+    """The queries and commands that may be called: `robot1/wander/GotoPoint/go`."""
+    goals: Sequence[str] = field(default=())
+    """The actions whose goals may be begun: `robot1/arm/Navigation/goTo`."""
+    publications: Sequence[str] = field(default=())
+    """The topics that may be published, by the instance that subscribes to them: `robot1/base/SpeedPub/wanted`."""
+
+    @property
+    def all(self) -> tuple[str, ...]:
+        return (*self.calls, *self.goals, *self.publications)
 
     def has(self, instance: str) -> bool:
         return instance.strip("/") in self.instances
@@ -26,12 +34,12 @@ def permissions_of(plan: Mapping[str, Any]) -> Permissions:
     named = {name: dict(_named(plan, name)) for name in _instances(plan)}
     prefixes = {name: _prefix(plan, name) for name in named}
     everywhere = {*prefixes.values(), *(each for names in named.values() for each in names.values())}
-    calls = []
+    allowed: dict[str, list[str]] = {"call": [], "goal": [], "publication": []}
     for each in plan.get("allow", ()):
         prefix = _beside(_prefix(plan, each["instance"]), each["named"])
-        calls.append(f"{prefix}/{each['interface']}/{each['operation']}")
-    everywhere |= {call.rsplit("/", 2)[0] for call in calls}
-    return Permissions(str(plan.get("name", "")), frozenset(everywhere), tuple(calls))
+        allowed[each["kind"]].append(f"{prefix}/{each['interface']}/{each['operation']}")
+    everywhere |= {path.rsplit("/", 2)[0] for paths in allowed.values() for path in paths}
+    return Permissions(str(plan.get("name", "")), frozenset(everywhere), *map(tuple, allowed.values()))
 
 
 def _instances(plan: Mapping[str, Any]) -> list[str]:

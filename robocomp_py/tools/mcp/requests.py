@@ -1,6 +1,6 @@
 """What agents ask of a running network, as plain functions: each takes JSON and returns JSON.
 
-Nothing is called that the network does not allow, and everything is written down before it is answered.
+Nothing is done that the network does not allow, and everything is written down before it is answered.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -18,13 +18,21 @@ from ...errors import RobocompError, Unreachable
 from ...printable import printable
 from ...spelling import closest, unknown
 from ...wire import json as values
+from ...wire import names
 from .. import asking, params
 from ..access import Access, ThrownError
+from ..actions import Offered, offered
+from ..actions import told as shown_contract
 from ..idsl import declared
 from ..network import Channel, Network, NotUnderstood
+from ..publishing import publish
 from ..tap import Message, tapped
 from .bounds import Bounds, Rate, Refused, fitted
+from .goals import Begin, Goals
 from .permissions import Permissions
+
+OWN_INSTANCE = "rc-mcp"
+"""The publisher of topics that nothing else publishes."""
 
 _LOGGED = 500
 """Characters of the arguments of a request in the log."""
@@ -47,12 +55,14 @@ class Requests:
         census: Callable[[], Network],
         permissions: Permissions,
         write: Callable[[str, str], object],
+        begin: Begin,
         bounds: Bounds | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`census` tells what runs now; `write` gets a level and a line for the log."""
+        """`census` tells what runs now; `write` gets a level and a line for the log, from any thread."""
         self._access, self._census, self._permissions = access, census, permissions
         self._write, self.bounds, self._clock = write, bounds or Bounds(), clock
+        self._goals = Goals(begin, write, self.bounds)
         self._lock = threading.Lock()
         self._calls = Rate(self.bounds.calls_a_minute, "calls", clock)
         self._reads = Rate(self.bounds.reads_a_minute, "requests", clock)
@@ -64,12 +74,20 @@ class Requests:
             "read_parameters": self._read_parameters,
             "read_measures": self._read_measures,
             "call": self._call,
+            "begin_goal": self._begin_goal,
+            "read_goal": self._read_goal,
+            "cancel_goal": self._cancel_goal,
+            "publish": self._publish,
         }
 
     @property
-    def allowed(self) -> tuple[str, ...]:
-        """The operations that may be called."""
-        return tuple(self._permissions.calls)
+    def allowed(self) -> Permissions:
+        """What the network allows."""
+        return self._permissions
+
+    def close(self) -> None:
+        """Goals are no longer watched. They are cancelled by what has begun them."""
+        self._goals.close()
 
     def answer(self, request: str, arguments: Mapping[str, Any]) -> Answer:
         """The answer to a request, within the bounds. Raises nothing that an agent or the network can cause."""
@@ -106,17 +124,26 @@ class Requests:
 
     # What runs.
 
-    def _network(self) -> tuple[Network, dict[str, Channel]]:
-        """All that runs, and the channels of this network by name."""
+    def _network(self) -> tuple[Network, dict[str, Channel], dict[str, Offered]]:
+        """All that runs; and of this network the channels by name, and the actions, whose parts are no channels."""
         network = self._census()
-        return network, {
-            name: each
-            for name, each in network.channels.items()
-            if self._permissions.has(name.rsplit("/", 2)[0]) and each.providers
-        }
+        actions = {name: each for name, each in offered(network).items() if self._is_own(name)}
+        parts = {each.name for action in actions.values() for each in action.parts.values()}
+        return (
+            network,
+            {
+                name: each
+                for name, each in network.channels.items()
+                if self._is_own(name) and each.providers and name not in parts
+            },
+            actions,
+        )
+
+    def _is_own(self, channel: str) -> bool:
+        return self._permissions.has(channel.rsplit("/", 2)[0])
 
     def _list_components(self, arguments: Mapping[str, Any]) -> Any:
-        network, channels = self._network()
+        network, channels, _ = self._network()
         owners = {end.told.owner for each in channels.values() for end in each.ends}
         found = []
         for each in network.components():
@@ -126,55 +153,88 @@ class Requests:
         listed = {each["component"] for each in found}
         silent = [each for each in asking.components(network) if self._permissions.has(each) and each not in listed]
         found += [{"component": each, "offers": [], "uses": []} for each in silent]
-        return {"network": self._permissions.network, "components": found, "may_be_called": list(self.allowed)}
+        may = self._permissions
+        return {
+            "network": may.network,
+            "components": found,
+            "may_be_called": list(may.calls),
+            "goals_may_be_begun": list(may.goals),
+            "may_be_published": list(may.publications),
+        }
 
     def _list_channels(self, arguments: Mapping[str, Any]) -> Any:
         kind, part = str(arguments.get("kind", "")), str(arguments.get("contains", ""))
-        kinds = {"topic": Pattern.PUBLISH, "query": Pattern.QUERY, "command": Pattern.COMMAND}
+        kinds = (*_KINDS.values(), _ACTION)
         if kind and kind not in kinds:
             raise Refused(unknown("kind", kind, kinds))
-        _, channels = self._network()
-        return [
-            {
-                "channel": each.name,
-                "kind": next(name for name, pattern in kinds.items() if pattern is each.pattern),
-                "provided_by": sorted({end.told.owner for end in each.providers}),
-                "used_by": sorted({end.told.owner for end in each.users}),
-                **({} if each.pattern is Pattern.PUBLISH else {"may_be_called": each.name in self.allowed}),
-            }
-            for each in channels.values()
-            if (not kind or each.pattern is kinds[kind]) and part in each.name
-        ]
+        network, channels, actions = self._network()
+        published = {each.name for several in self._hearing(network).values() for each in several}
+        found = []
+        for each in channels.values():
+            is_topic = each.pattern is Pattern.PUBLISH
+            may = each.name in (published if is_topic else self._permissions.calls)
+            word = "may_be_published" if is_topic else "may_be_called"
+            found.append({"channel": each.name, "kind": _KINDS[each.pattern], **_ends(each), word: may})
+        for name, action in actions.items():
+            may = name in self._permissions.goals
+            found.append({"channel": name, "kind": _ACTION, **_ends(action.start), "goals_may_be_begun": may})
+        return [each for each in found if kind in ("", each["kind"]) and part in str(each["channel"])]
 
     def _describe(self, arguments: Mapping[str, Any]) -> Any:
-        network, channels = self._network()
-        channel = _one(channels, _text(arguments, "name"))
+        network, channels, actions = self._network()
+        hearing = self._hearing(network)
+        name = _one([*channels, *actions, *(each for each in hearing if each not in channels)], arguments, "name")
+        action = actions.get(name)
+        channel = action.start if action else channels.get(name) or hearing[name][0]
         told = asking.about(self._access, network, channel, asking.DEADLINE)
         comments = {each.about or "operation": " ".join(each.text.split()) for each in told.comments} if told else {}
+        found: dict[str, Any] = {"channel": name, "kind": _ACTION if action else _KINDS[channel.pattern]}
         try:
-            contract, inputs = list(declared(channel.operation)), channel.operation.inputs
+            if action:
+                whole = action.action
+                contract, inputs = list(shown_contract(whole)), whole.inputs
+            else:
+                contract, inputs = list(declared(channel.operation)), channel.operation.inputs
         except NotUnderstood as exc:
-            return {"channel": channel.name, "not_understood": str(exc)}
-        found: dict[str, Any] = {
-            "channel": channel.name,
-            "kind": "topic" if channel.pattern is Pattern.PUBLISH else str(channel.pattern),
-            "contract": contract,
-            "comments": comments,
-        }
+            return found | {"not_understood": str(exc)}
+        found |= {"contract": contract, "comments": comments, "arguments": values.template(inputs)}
+        found["confirm"] = bool(told and told.confirm)
+        if action:
+            return found | {"goals_may_be_begun": name in self._permissions.goals}
         if channel.pattern is not Pattern.PUBLISH:
-            found |= {
-                "arguments": values.template(inputs),
-                "confirm": bool(told and told.confirm),
-                "may_be_called": channel.name in self.allowed,
-            }
-        return found
+            return found | {"may_be_called": name in self._permissions.calls}
+        published = {each.name for several in hearing.values() for each in several}
+        return found | {"may_be_published": name in hearing or name in published}
+
+    def _hearing(self, network: Network) -> dict[str, list[Channel]]:
+        """The channels that each topic that may be published goes to, by its path. None if nothing subscribes now."""
+        found = {path: self._heard(network, *path.rsplit("/", 2)) for path in self._permissions.publications}
+        return {path: channels for path, channels in found.items() if channels}
+
+    def _heard(self, network: Network, instance: str, interface: str, operation: str) -> list[Channel]:
+        """What an instance subscribes to. For one that hears any publisher, and there is none, a name of its own."""
+        patterns = {
+            each.told.channel
+            for each in network.ends
+            if each.role == "subscribes" and each.told.owner.strip("/") == instance
+        }
+        wanted = [each for each in sorted(patterns) if each.rsplit("/", 2)[1:] == [interface, operation]]
+        found = [
+            each
+            for each in network.channels.values()
+            if each.providers
+            and (each.name in wanted or self._is_own(each.name))
+            and any(names.matches(pattern, each.name) for pattern in wanted)
+        ]
+        return found or [network.topic(each.replace(names.ANY, OWN_INSTANCE)) for each in wanted]
 
     # Reading.
 
     def _read_topic(self, arguments: Mapping[str, Any]) -> Any:
         count, limit = self.bounds.count(arguments.get("count", 1)), self.bounds.seconds(arguments.get("timeout", 5.0))
-        _, channels = self._network()
-        channel = _one(channels, _text(arguments, "topic"), Pattern.PUBLISH)
+        _, channels, _ = self._network()
+        topics = {name: each for name, each in channels.items() if each.pattern is Pattern.PUBLISH}
+        channel = topics[_one(list(topics), arguments, "topic")]
         messages: list[Any] = []
         with contextlib.closing(tapped([channel], first=limit, whole=limit)) as heard:
             for each in heard:
@@ -188,7 +248,7 @@ class Requests:
 
     def _read_parameters(self, arguments: Mapping[str, Any]) -> Any:
         network = self._census()
-        name = self._component(params.components(network), _text(arguments, "component"))
+        name = self._component(params.components(network), _text(arguments, "component", "as list_components shows it"))
         settings = params.read(self._access, network, name, asking.DEADLINE)
         return {
             "component": name,
@@ -206,7 +266,7 @@ class Requests:
 
     def _read_measures(self, arguments: Mapping[str, Any]) -> Any:
         network = self._census()
-        name = self._component(asking.components(network), _text(arguments, "component"))
+        name = self._component(asking.components(network), _text(arguments, "component", "as list_components shows it"))
         measures = asking.measure(self._access, network, name)
         if measures is None:
             raise Unreachable(f"{name} does not tell")
@@ -220,22 +280,21 @@ class Requests:
             raise Refused(f"`{wanted}` may be {', '.join(found)}" if found else unknown("component", wanted, own))
         return found[0]
 
-    # Calling.
+    # Acting.
 
     def _call(self, arguments: Mapping[str, Any]) -> Any:
         limit = self.bounds.seconds(arguments.get("timeout", 5.0))
         given = arguments.get("arguments", {})
-        _, channels = self._network()
-        channel = _one(channels, _text(arguments, "operation"))
+        _, channels, actions = self._network()
+        name = _one([*channels, *actions], arguments, "operation")
+        if name in actions:
+            raise Refused(f"{name} is an action; begin_goal begins a goal")
+        channel = channels[name]
         if channel.pattern is Pattern.PUBLISH:
-            raise Refused(f"{channel.name} is a topic; read_topic reads it")
-        if channel.name not in self.allowed:
-            may = f"it allows {', '.join(self.allowed)}" if self.allowed else "it allows no call"
-            raise Refused(f"network `{self._permissions.network}` does not allow {channel.name}; {may}")
+            raise Refused(f"{name} is a topic; read_topic reads it")
+        self._check(name, self._permissions.calls, "call")
         taken = values.taken(channel.operation.inputs, given, channel.operation.name)
-        with self._lock:
-            self._calls.take()
-        self._write("INFO", f"call {channel.name} {_spelled(given)[:_LOGGED]}")
+        self._note("call", name, given)
         if channel.pattern is Pattern.COMMAND:
             self._access.send(channel, taken, limit, limit)
             return {"sent": channel.name}
@@ -249,27 +308,86 @@ class Requests:
         shown = values.shown(channel.operation.outputs, results)
         return {"result": shown["ret"] if list(shown) == ["ret"] else shown or None}
 
+    def _begin_goal(self, arguments: Mapping[str, Any]) -> Any:
+        limit = self.bounds.seconds(arguments.get("limit", 60.0), "limit", self.bounds.longest_goal)
+        given = arguments.get("arguments", {})
+        _, _, actions = self._network()
+        name = _one(list(actions), arguments, "action")
+        self._check(name, self._permissions.goals, "goal")
+        action = actions[name].action
+        taken = values.taken(action.inputs, given, action.name)
+        self._note("begin goal of", name, given)
+        return self._goals.begin(actions[name], action, taken, limit)
 
-def _one(channels: Mapping[str, Channel], wanted: str, pattern: Pattern | None = None) -> Channel:
-    """The only channel that a name means: a whole one, or a part of it between slashes. Raises Refused."""
+    def _read_goal(self, arguments: Mapping[str, Any]) -> Any:
+        limit = self.bounds.seconds(arguments.get("timeout", 5.0))
+        return self._goals.read(_text(arguments, "goal", "as begin_goal returns it"), limit)
+
+    def _cancel_goal(self, arguments: Mapping[str, Any]) -> Any:
+        return self._goals.cancel(_text(arguments, "goal", "as begin_goal returns it"))
+
+    def _publish(self, arguments: Mapping[str, Any]) -> Any:
+        limit = self.bounds.seconds(arguments.get("timeout", 5.0))
+        given = arguments.get("arguments", {})
+        network, channels, _ = self._network()
+        hearing = self._hearing(network)
+        known = {each.name: [each] for several in hearing.values() for each in several} | hearing
+        others = [name for name, each in channels.items() if each.pattern is Pattern.PUBLISH and name not in known]
+        name = _one([*known, *others], arguments, "topic")
+        self._check(name, known, "publication")
+        if len(known[name]) > 1:
+            raise Refused(f"{name} has several publishers; name one of {', '.join(each.name for each in known[name])}")
+        [channel] = known[name]
+        taken = values.taken(channel.operation.inputs, given, channel.operation.name)
+        self._note("publish", channel.name, given)
+        publish(self._access, channel, taken, limit)
+        return {"published": channel.name}
+
+    def _check(self, name: str, allowed: Collection[str], what: str) -> None:
+        if name not in allowed:
+            may = f"it allows {', '.join(allowed)}" if allowed else f"it allows no {what}"
+            raise Refused(f"network `{self._permissions.network}` does not allow {name}; {may}")
+
+    def _note(self, deed: str, name: str, given: Any) -> None:
+        """Count what changes something, and write it down, before it is done. Raises Refused if it is too much."""
+        with self._lock:
+            self._calls.take()
+        self._write("INFO", f"{deed} {name} {_spelled(given)[:_LOGGED]}")
+
+
+_ACTION = "action"
+_KINDS = {Pattern.PUBLISH: "topic", Pattern.QUERY: "query", Pattern.COMMAND: "command"}
+
+
+def _ends(channel: Channel) -> dict[str, list[str]]:
+    return {
+        "provided_by": sorted({end.told.owner for end in channel.providers}),
+        "used_by": sorted({end.told.owner for end in channel.users}),
+    }
+
+
+def _one(known: Collection[str], arguments: Mapping[str, Any], argument: str) -> str:
+    """The only name that an argument means: a whole one, or a part of it between slashes. Raises Refused."""
+    wanted = _text(arguments, argument, "as list_components or list_channels shows it")
     name = wanted.strip("/")
-    every = [each for each in channels.values() if pattern in (None, each.pattern)]
-    found = [each for each in every if each.name == name]
-    found = found or [each for each in every if f"/{name}/" in f"/{each.name}/"]
+    if name in known:
+        return name
+    found = [each for each in known if f"/{name}/" in f"/{each}/"]
     if len(found) == 1:
         return found[0]
     if found:
-        raise Refused(f"`{wanted}` may be {', '.join(each.name for each in found[:8])}; write more of the name")
-    tails = {"/".join(each.name.split("/")[-count:]) for each in every for count in (1, 2, 3)}
+        raise Refused(f"`{wanted}` may be {', '.join(found[:8])}; write more of the name")
+    tails = {"/".join(each.split("/")[-count:]) for each in known for count in (1, 2, 3)}
     near = closest(name, tails)
     hint = f"did you mean `{near}`?" if near else "list_channels shows all"
-    raise Refused(f"unknown {'topic' if pattern else 'channel'} `{wanted}`; {hint}")
+    what = argument if argument in ("topic", "action") else "channel"
+    raise Refused(f"unknown {what} `{wanted}`; {hint}")
 
 
-def _text(arguments: Mapping[str, Any], name: str) -> str:
+def _text(arguments: Mapping[str, Any], name: str, kind: str) -> str:
     given = arguments.get(name)
     if not isinstance(given, str) or not given.strip("/"):
-        raise Refused(f"`{name}` is missing: a name, as list_components or list_channels shows it")
+        raise Refused(f"`{name}` is missing: a name, {kind}")
     return given
 
 

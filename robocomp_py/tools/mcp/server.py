@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any
 
 import anyio
@@ -13,6 +13,7 @@ from mcp import types
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
 
+from .permissions import Permissions
 from .requests import Answer, Requests
 
 _AT_ONCE, _WAITING = 4, 16
@@ -82,33 +83,46 @@ class _Lines:
 
 
 def _instructions(requests: Requests, network: str) -> str:
-    may = f"You may call: {', '.join(requests.allowed)}." if requests.allowed else "You may call nothing."
-    return (
-        f"The running robot network `{network}`. Components publish topics, and serve queries and commands. Topics, "
-        f"parameters and measures may be read. {may} Use `describe` before a call: it tells types, units and a "
-        "template of its arguments. Calls may move a robot: check their effect by reading topics."
+    allowed = requests.allowed
+    may = "".join(
+        f"You may {what}: {', '.join(names)}. " for what, names in zip(_DEEDS, _each(allowed), strict=True) if names
     )
+    return (
+        f"The running robot network `{network}`. Components publish topics, and serve queries, commands and actions, "
+        f"which take long. Topics, parameters and measures may be read. {may or 'You may call nothing. '}"
+        "Use `describe` before a call: it tells types, units and a template of the arguments. What you do may move a "
+        "robot: check its effect by reading topics."
+    )
+
+
+_DEEDS = ("call", "begin goals of", "publish")
+
+
+def _each(allowed: Permissions) -> tuple[Sequence[str], ...]:
+    return allowed.calls, allowed.goals, allowed.publications
 
 
 def _tools(requests: Requests) -> list[types.Tool]:
     bounds = requests.bounds
     timeout = {"type": "number", "default": 5, "exclusiveMinimum": 0, "maximum": bounds.longest, "description": "in s"}
-    may = ", ".join(requests.allowed) or "none"
+    limit = timeout | {"default": 60, "maximum": bounds.longest_goal, "description": "in s; then it is cancelled"}
+    arguments = {"type": "object", "description": "by name, as `describe` shows them", "default": {}}
+    goal = {**_TEXT, "description": "as begin_goal returns it"}
+    calls, goals, publications = (", ".join(each) or "none" for each in _each(requests.allowed))
+    rate = f"Calls, goals and publications together: at most {bounds.calls_a_minute} a minute."
     return [
-        _tool(
-            "list_components", "List the components that run, what they offer and use, and which calls are allowed.", {}
-        ),
+        _tool("list_components", "List the components that run, what they offer and use, and what is allowed.", {}),
         _tool(
             "list_channels",
-            "List the topics, queries and commands of the network, and which components provide and use each.",
+            "List the topics, queries, commands and actions of the network, and which components provide and use each.",
             {
-                "kind": {"enum": ["topic", "query", "command"], "description": "only these"},
+                "kind": {"enum": ["topic", "query", "command", "action"], "description": "only these"},
                 "contains": {**_TEXT, "description": "only channels with this text in their names"},
             },
         ),
         _tool(
             "describe",
-            "Describe a topic, query or command: its types, comments with units, and a template of its arguments.",
+            "Describe a topic, query, command or action: types, comments with units, and a template of its arguments.",
             {"name": {**_TEXT, "description": "such as world/LaserPub/pushLaserData, or a part of it"}},
             "name",
         ),
@@ -136,13 +150,42 @@ def _tools(requests: Requests) -> list[types.Tool]:
         ),
         _tool(
             "call",
-            f"Call a query, or send a command. Allowed: {may}. At most {bounds.calls_a_minute} calls a minute.",
+            f"Call a query, or send a command. Allowed: {calls}. {rate}",
             {
                 "operation": {**_TEXT, "description": "such as wander/GotoPoint/go"},
-                "arguments": {"type": "object", "description": "by name, as `describe` shows them", "default": {}},
+                "arguments": arguments,
                 "timeout": timeout,
             },
             "operation",
+            reads=False,
+        ),
+        _tool(
+            "begin_goal",
+            f"Begin a goal of an action, and return at once. Allowed: {goals}. At most {bounds.goals} goals at a time.",
+            {
+                "action": {**_TEXT, "description": "such as arm/Navigation/goTo"},
+                "arguments": arguments,
+                "limit": limit,
+            },
+            "action",
+            reads=False,
+        ),
+        _tool(
+            "read_goal",
+            "Wait for the end of a goal, and return its result; after the timeout, its status and newest feedback.",
+            {"goal": goal, "timeout": timeout},
+            "goal",
+        ),
+        _tool("cancel_goal", "Ask the server of a goal to cancel it.", {"goal": goal}, "goal", reads=False),
+        _tool(
+            "publish",
+            f"Publish one message to all that subscribe to a topic. Allowed: {publications}.",
+            {
+                "topic": {**_TEXT, "description": "as it is allowed"},
+                "arguments": arguments,
+                "timeout": timeout,
+            },
+            "topic",
             reads=False,
         ),
     ]
