@@ -77,6 +77,8 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.sim.view.viewing": BUILD - {"rich"}
     | MIDDLEWARES
     | {"mujoco", "robocomp_py.contract", "robocomp_py.transports", "robocomp_py.runtime"},
+    "robocomp_py.gym": MIDDLEWARES | {"mujoco", "jinja2", "robocomp_py.codegen", "robocomp_py.cli"},
+    "robocomp_py.virtual.outside": BUILD | MIDDLEWARES | {"msgpack", "gymnasium", "robocomp_py.gym"},
     "robocomp_py.client": BUILD | MIDDLEWARES | {"msgpack", "matplotlib", "robocomp_py.actions"},
     "robocomp_py.wire.schema": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.tools.recording.reader": BUILD | MIDDLEWARES | {"mcap", "robocomp_py.runtime", "msgpack"},

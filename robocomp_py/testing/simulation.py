@@ -18,10 +18,10 @@ from ..deploy.planner import make_plan
 from ..deploy.simulating import parts
 from ..dsl.workspace import Workspace
 from ..errors import DeploymentError
-from ..virtual.simulation import Simulated
+from ..virtual.simulation import Part, Simulated
 from ..virtual.simulation import Simulation as _Simulation
 
-__all__ = ["Simulated", "Simulation"]
+__all__ = ["Simulated", "Simulation", "network_parts"]
 
 
 class Simulation(_Simulation):
@@ -37,9 +37,16 @@ class Simulation(_Simulation):
         """`network` is a .ddsl file; `include` are further folders of models; `settings` change the configuration of
         instances: `("world", "params.noise=0.1")`. Raises DeploymentError with all that is wrong.
         """
-        workspace = Workspace(include)
-        with installed.asked_once():
-            plan = make_plan(Path(network), workspace, Overrides(settings=tuple(settings)))
-        if plan is None:
-            raise DeploymentError("\n".join(map(str, workspace.report.diagnostics)))
-        super().__init__(parts(plan), seed, write)
+        super().__init__(network_parts(network, include=include, settings=settings), seed, write)
+
+
+def network_parts(
+    network: Path | str, *, include: Sequence[Path] = (), settings: Sequence[tuple[str, str]] = ()
+) -> list[Part]:
+    """The components of a network, of which simulations are made. About the arguments see `Simulation`."""
+    workspace = Workspace(include)
+    with installed.asked_once():
+        plan = make_plan(Path(network), workspace, Overrides(settings=tuple(settings)))
+    if plan is None:
+        raise DeploymentError("\n".join(map(str, workspace.report.diagnostics)))
+    return parts(plan)

@@ -7,8 +7,9 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
+from ..contract.component import Component
 from ..errors import ComponentError
 from ..runtime.clock import NEVER, SECOND, ns
 from ..runtime.lifecycle import State
@@ -16,7 +17,9 @@ from ..runtime.run import Running
 from ..runtime.settings import Settings
 from ..runtime.worker import Worker
 from ..spelling import unknown
+from ..transports.base import TransportConfig
 from .executor import Executor
+from .outside import Outside, provided
 from .record import Record
 from .transport import Air
 from .turns import TurnClock, TurnThreads
@@ -26,6 +29,11 @@ log = logging.getLogger("robocomp.simulation")
 GRACE = 5.0
 """Virtual seconds that a component has to end."""
 
+PATIENCE = 60.0
+"""Virtual seconds that a function of `Simulation.do` may take."""
+
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class Part:
@@ -33,6 +41,15 @@ class Part:
 
     worker_class: type[Worker[Any]]
     settings: Settings
+
+    @property
+    def component(self) -> Component:
+        return self.worker_class.component
+
+    @property
+    def middleware(self) -> str:
+        """The one that it is generated for."""
+        return self.worker_class.middleware
 
 
 class Simulation:
@@ -46,7 +63,8 @@ class Simulation:
         """Creates the workers. Raises ComponentError if one cannot be created."""
         self._executor = Executor()
         self.record = Record(self._executor, write)
-        air = Air(self._executor, self.record)
+        self._air = air = Air(self._executor, self.record)
+        self._parts = parts
         self._components: dict[str, Simulated] = {}
         self._before = set(threading.enumerate())
         for order, part in enumerate(parts):
@@ -123,6 +141,27 @@ class Simulation:
         wanted = until or (lambda: False)
         self._executor.run(lambda: wanted() or self.over or self.failed, end)
         return bool(wanted()) if until else self._executor.now >= end
+
+    def outside(self, name: str) -> Outside:
+        """Calls and hears the network as something that is not one of its components, which they see as `name`.
+
+        What it opens is to be closed before the simulation ends.
+        """
+        return Outside(
+            provided(self._parts), lambda middleware: self._air.factory(middleware)(TransportConfig({}, name))
+        )
+
+    def do(self, function: Callable[[], T]) -> T:
+        """Run a function as an event of now, and return its result. It may use what `outside` returns.
+
+        Time passes only if a handler that it calls waits. What else it causes happens when the network runs again.
+        Raises what the function raises, and ComponentError if it takes longer than a minute of virtual time.
+        """
+        results: list[T] = []
+        self._executor.do(lambda: results.append(function()))
+        if not self._executor.run(lambda: results, self._executor.now + ns(PATIENCE)):
+            raise ComponentError(f"a call into the network did not end within {PATIENCE:g} s of virtual time")
+        return results[0]
 
     def stop(self) -> None:
         """Stop all components, the last first, each with its `finish`."""

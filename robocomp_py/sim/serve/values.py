@@ -42,5 +42,9 @@ def rows(kind: Type, columns: Mapping[str, Array]) -> Any:
             if each.name in columns:
                 made[each.attribute] = columns[each.name]
         return made
-    lists = {name: values.tolist() for name, values in columns.items()}
-    return [filled(kind.item, dict(zip(lists, numbers, strict=True))) for numbers in zip(*lists.values(), strict=True)]
+    known = [each for each in kind.item.fields if each.name in columns]
+    lists = [columns[each.name].tolist() for each in known]
+    if tuple(known) == kind.item.fields and kind.item.python is not None:
+        return list(map(kind.item.python, *lists))  # a third of the time
+    names = [each.name for each in known]
+    return [filled(kind.item, dict(zip(names, numbers, strict=True))) for numbers in zip(*lists, strict=True)]
