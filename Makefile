@@ -19,8 +19,13 @@ help:  ## this list
 demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…)
 	$(BIN)/python components/demo.py --middleware "$(MIDDLEWARE)"
 
-test: .venv/ready  ## every test that needs nothing but pip
-	$(BIN)/python -m compileall -q robocomp_py components  # hundreds of processes are started: each would compile them
+# Every process of pytest rewrites the assertions of all tests and of its plug-ins, unless it finds them rewritten.
+.venv/rewritten: .venv/ready
+	-@ls -d tests/[!_]*/ tests/test_*.py | PYTHONDONTWRITEBYTECODE= xargs -P 2 -n 14 $(BIN)/pytest --collect-only -q > /dev/null
+	@touch $@
+
+test: .venv/rewritten  ## every test that needs nothing but pip
+	$(BIN)/python -m compileall -q robocomp_py components tests  # hundreds of processes are started: each would compile them
 	$(BIN)/pytest -m "not tool" --numprocesses $(WORKERS) --dist worksteal $(ARGS)
 
 check: format lint types test  ## what has to be green before every change lands
@@ -51,9 +56,9 @@ docs: .venv/ready  ## build the documentation as a site: open site/index.html; i
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	$(BIN)/sphinx-build -q -W --keep-going -b html docs site
 
-test-tools: .venv/ready  ## tests that need programs which .ci/run installs
+test-tools: .venv/rewritten  ## tests that need programs which .ci/run installs
 	$(BIN)/python tests/interop/ice/expose.py .venv
-	$(BIN)/pytest -m tool --timeout 400 $(ARGS)  # they run beside others in CI
+	$(BIN)/pytest -m tool --timeout 400 --numprocesses 2 --dist loadfile $(ARGS)  # they run beside others in CI
 
 vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; needs npm, and Node 18 or newer
 	cd editors/vscode && npm ci && npm run check && npm test && npm run package

@@ -56,6 +56,14 @@ def dds_of_this_worker(runtime_folder: Path) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(autouse=True, scope="session")
+def children_without_plug_ins() -> Iterator[None]:
+    """Where a test starts pytest, the plug-ins of this environment would take longer to load than it runs."""
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+        yield
+
+
 @pytest.fixture
 def own_runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """One for a single test, where nothing can be that another one has left, or has failed to end."""

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import multiprocessing
 import os
 import queue
 import signal
@@ -52,7 +51,7 @@ from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transpo
 from ..transports.directory import runtime_dir
 from ..wire.codec import Payload
 from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
-from .parts import TransportSuite, in_time
+from .parts import TransportSuite, in_time, processes, start_process
 from .patience import SOON, wait_until
 
 LARGE = 6_000_000
@@ -417,10 +416,8 @@ class Other:
 
     def __init__(self, suite: type[TransportFaults], name: str, act: Act, folder: str = "") -> None:
         """`folder` is its run-time folder, to act as another user."""
-        spawn = multiprocessing.get_context("spawn")
-        self._control, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=_live, args=(suite, name, act, theirs, folder))
-        self._process.start()
+        self._control, theirs = processes.Pipe()
+        self._process = start_process(_live, suite, name, act, theirs, folder)
         theirs.close()
 
     def tell(self, what: object) -> None:

@@ -124,6 +124,24 @@ def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
             pass
 
 
+processes = multiprocessing.get_context("forkserver")
+"""Makes other processes: they are forked from one that has imported what all need, for that takes most of their time."""
+
+
+def start_process(act: Callable[..., object], *arguments: object) -> Any:
+    """Start another process, in the environment of this one."""
+    processes.set_forkserver_preload(["robocomp_py.testing.faults"])
+    process = processes.Process(target=_act, args=(dict(os.environ), act, *arguments))
+    process.start()
+    return process
+
+
+def _act(environment: dict[str, str], act: Callable[..., object], *arguments: object) -> None:
+    os.environ.clear()  # the one it is forked from may be older than a variable
+    os.environ.update(environment)
+    act(*arguments)
+
+
 class Suite(Protocol):
     def open_transport(self) -> Transport: ...
 
@@ -144,11 +162,8 @@ class Victim:
         act = act or _serve_stuck
         self._stuck: Any
         if Capability.CROSS_PROCESS in seen_from.capabilities:
-            spawn = multiprocessing.get_context("spawn")
-            self._stuck = spawn.Event()
-            process = spawn.Process(target=_be_victim, args=(type(suite), name, self._stuck, act))
-            process.start()
-            self._process: Any = process
+            self._stuck = processes.Event()
+            self._process: Any = start_process(_be_victim, type(suite), name, self._stuck, act)
         else:
             self._stuck = threading.Event()
             transport = suite.open_transport()

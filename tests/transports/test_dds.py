@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import itertools
-import multiprocessing
 import os
 import secrets
 import socket
@@ -53,7 +52,7 @@ from robocomp_py.testing.conformance import (
     topic,
     unblob,
 )
-from robocomp_py.testing.parts import in_time
+from robocomp_py.testing.parts import in_time, processes, start_process
 from robocomp_py.testing.patience import SCALE, SOON, wait_until
 from robocomp_py.transports.base import (
     Channel,
@@ -820,10 +819,8 @@ class _Elsewhere:
     """A function that runs with a transport in another process, until it is told to end or killed."""
 
     def __init__(self, work: Callable[..., None], *arguments: Any) -> None:
-        spawn = multiprocessing.get_context("spawn")
-        self.ready, self.end, self.begun = spawn.Event(), spawn.Event(), spawn.Event()
-        self.process = spawn.Process(target=work, args=(self.ready, self.end, self.begun, *arguments))
-        self.process.start()
+        self.ready, self.end, self.begun = processes.Event(), processes.Event(), processes.Event()
+        self.process = start_process(work, self.ready, self.end, self.begun, *arguments)
         assert self.ready.wait(SOON * 3)
 
     def __enter__(self) -> _Elsewhere:
