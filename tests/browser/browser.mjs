@@ -32,7 +32,7 @@ const steps = {
     await page.keyboard.type(text);
     await page.keyboard.press("Enter");
   },
-  click: async selector => page.click(selector),
+  click: async selector => page.$eval(selector, each => each.click()),  // wherever it has moved meanwhile
   dialogs: async () => dialogs,
   requests: async () => requests,
   complaints: async () => complaints,

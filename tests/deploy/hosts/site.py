@@ -15,7 +15,7 @@ from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
 from tests.deploy.laboratory import Host, Laboratory, SshServer, make_key
 
-LONG = 4 * SOON
+LONG = 9 * SOON
 """Hosts are reached, components started, and each other found."""
 
 
@@ -50,7 +50,7 @@ class Site:
         make_key(self._key)
         run = folder / "run"
         run.mkdir(mode=0o700)
-        dropped = ("XDG_CONFIG_HOME", "SSH_AUTH_SOCK", "XDG_RUNTIME_DIR")
+        dropped = ("XDG_CONFIG_HOME", "SSH_AUTH_SOCK", "XDG_RUNTIME_DIR", "CYCLONEDDS_URI")
         self._environment = {name: value for name, value in os.environ.items() if name not in dropped}
         self._environment |= {"HOME": str(folder / "me"), "ROBOCOMP_RUNTIME_DIR": str(run), "COLUMNS": "200"}
 
