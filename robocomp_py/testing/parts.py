@@ -125,7 +125,7 @@ def greet(transport: Transport, outlet: Outlet, *inboxes: Inbox) -> None:
 
 
 processes = multiprocessing.get_context("forkserver")
-"""Makes other processes: they are forked from one that has imported what all need, for that takes most of their time."""
+"""Other processes are forked from one that has imported what all need, for that takes most of their time."""
 
 
 def start_process(act: Callable[..., object], *arguments: object) -> Any:

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py.cli import rcdeploy, rcgen
+
 from . import story
 from .conftest import COMPONENTS
 
@@ -67,7 +69,12 @@ def deploy(tree: Path, folder: Path, middleware: str, *more: str) -> None:
     assert picture.read_text().startswith("<svg")
 
 
-@pytest.mark.parametrize("middleware", MIDDLEWARES)
+LONG = pytest.mark.tool  # needs nothing but time: `make test` has less of it than `make test-tools`
+
+
+@pytest.mark.parametrize(  # the tests of the demo run it over shm and dds
+    "middleware", ["zeromq", "zenoh", pytest.param("dds", marks=LONG), pytest.param("shm", marks=LONG)]
+)
 def test_a_network_runs_over_another_middleware_without_any_change(tree: Path, tmp_path: Path, middleware: str) -> None:
     deploy(tree, tmp_path, middleware, "--middleware", middleware)
     assert changed(tree) == []
@@ -75,13 +82,15 @@ def test_a_network_runs_over_another_middleware_without_any_change(tree: Path, t
 
 @pytest.mark.parametrize("middleware", MIDDLEWARES)
 def test_a_network_that_is_generated_for_another_middleware_differs_in_what_is_generated(
-    tree: Path, middleware: str
+    tree: Path, middleware: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with generated_for(middleware, tree):
-        said = story.run("-m", "robocomp_py.cli.rcdeploy", "plan", tree / "rescue.ddsl", "--json", cwd=tree)
-        assert {way["middleware"] for way in json.loads(said)["ways"]} == {middleware}
+        capsys.readouterr()
+        assert rcdeploy.main(["plan", str(tree / "rescue.ddsl"), "--json"]) == 0
+        assert {way["middleware"] for way in json.loads(capsys.readouterr().out)["ways"]} == {middleware}
 
 
+@LONG
 def test_a_network_that_is_generated_for_another_middleware_runs(tree: Path, tmp_path: Path) -> None:
     with generated_for("zenoh", tree):  # the tests of the demo run those for dds and auto
         deploy(tree, tmp_path, "zenoh")
@@ -93,7 +102,7 @@ def generated_for(middleware: str, tree: Path) -> Iterator[None]:
     before = specific(tree)
     assert len(before) > 25
     try:
-        story.run("-m", "robocomp_py.cli.rcgen", tree / "rescue.ddsl", "--middleware", middleware, cwd=tree)
+        assert rcgen.main([str(tree / "rescue.ddsl"), "--middleware", middleware]) == 0
         assert specific(tree) == before
         assert all("generic" in Path(name).parts for name in changed(tree))
         assert changed(tree), "it was committed for auto"

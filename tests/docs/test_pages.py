@@ -11,6 +11,8 @@ import pytest
 from .pages import DOCS, ROOT
 from .reader import follow
 
+LONG = pytest.mark.tool  # needs nothing but time: `make test` has less of it than `make test-tools`
+
 pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each of them a deadline of its own
 
 
@@ -21,20 +23,21 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
         ("docs/guides/actions", 9),
         ("docs/guides/existing", 5),
         ("docs/guides/hosts", 6),
-        ("docs/guides/named-instances", 15),
+        pytest.param("docs/guides/named-instances", 15, marks=LONG),
         ("docs/guides/processes", 6),
         ("docs/guides/rerun", 8),
         ("docs/guides/security", 6),
         ("docs/guides/simulating", 9),
         ("docs/guides/supervision", 4),
         ("docs/guides/testing", 10),
-        ("docs/tutorials/first-component", 15),
+        pytest.param("docs/tutorials/first-component", 15, marks=LONG),
     ],
 )
 def test_a_page_works_as_written(page: str, least: int, tmp_path: Path) -> None:
     assert follow(ROOT / f"{page}.md", tmp_path) > least
 
 
+@LONG
 @pytest.mark.parametrize(
     ("page", "least", "network"),
     [

@@ -166,7 +166,7 @@ def test_one_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.Monk
     before = set(threading.enumerate())
     with pytest.raises(AssertionError, match="not ready"), ComponentTest(Calculator):
         raise AssertionError("it was entered")
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) <= before  # others may end
 
 
 class Retuned(Tuned):

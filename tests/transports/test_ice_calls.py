@@ -445,7 +445,7 @@ def test_what_ice_has_to_say_goes_to_our_log(opening: Open, caplog: pytest.LogCa
     before = set(threading.enumerate())
     here.communicator.getLogger().warning("something is odd")
     wait_until(lambda: "test: something is odd" in caplog.text)
-    assert set(threading.enumerate()) == before
+    assert set(threading.enumerate()) <= before  # others may end
 
 
 def test_properties_of_ices_own_hold_but_for_those_that_would_break_calls(opening: Open) -> None:

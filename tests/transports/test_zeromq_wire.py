@@ -360,13 +360,13 @@ def test_a_run_time_folder_that_was_removed_ends_calls_and_hinders_no_closing(tr
     wait_until(lambda: not caller.wait_peer(0.0))
     with pytest.raises(Unreachable):
         caller.ask(blob(other, b"x"), SOON)
-    before = threading.active_count()
+    before = set(threading.enumerate())
     other.close()
-    assert threading.active_count() == before - 2  # the one that receives, and the lookout
+    assert len(before - set(threading.enumerate())) >= 2  # the one that receives, and the lookout
 
 
 def test_whatever_fails_in_closing_everything_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = threading.active_count()
+    before = set(threading.enumerate())
     transport = ZeroMQTransport(TransportConfig())
     first, second = transport.outlet(topic("a/b/c")), transport.outlet(topic("a/b/d"))
 
@@ -377,7 +377,7 @@ def test_whatever_fails_in_closing_everything_is_closed(monkeypatch: pytest.Monk
     with pytest.raises(RuntimeError, match="on purpose"):
         transport.close()
     assert first.closed.is_set()
-    assert threading.active_count() == before
+    assert set(threading.enumerate()) <= before  # others may end
     assert transport.context.closed
 
 
