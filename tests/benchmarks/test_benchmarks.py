@@ -32,7 +32,7 @@ TABLE = Table("query", "title", ("", "array", "p50"), [("dds", "64 B", "70 µs")
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "benchmarks", *BRIEF, *arguments]
+    command = [sys.executable, "-X", "faulthandler", "-m", "benchmarks", *BRIEF, *arguments]
     return subprocess.Popen(
         command, cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
     )
@@ -194,7 +194,11 @@ def test_ctrl_c_ends_all_of_it() -> None:
         assert process.stderr
         assert any("1 KB" in line for line in process.stderr)  # the second size: both processes are at work
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        out, errors = process.communicate(timeout=SOON * 3)
+        try:
+            out, errors = process.communicate(timeout=SOON * 9)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGABRT)  # each tells where it is
+            out, errors = process.communicate()
     assert process.returncode == 130, out + errors
     assert "interrupted" in errors
     wait_until(lambda: is_alone(process.pid), what="nothing is left")

@@ -21,19 +21,23 @@ from ..dsl.tables import LANGUAGES
 from .generated import MODELS, NAMES, artifacts, copied
 from .golden import GOLDEN, OWN, TEXTS, expected
 
-FILES = dict(expected())
+THERE = {path for name in NAMES for path in (GOLDEN / name).rglob("*") if path.is_file() and path.suffix != ".pyc"}
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: "/".join(path.parts[-3:]))
-def test_a_file_is_generated_as_expected(path: Path) -> None:
-    found, wanted = FILES[path], path.read_text(encoding="utf-8") if path.exists() else ""
+@pytest.fixture(scope="module")
+def files() -> dict[Path, str]:
+    return dict(expected())
+
+
+@pytest.mark.parametrize("path", sorted(THERE | {*OWN.values(), TEXTS}), ids=lambda path: "/".join(path.parts[-3:]))
+def test_a_file_is_generated_as_expected(path: Path, files: dict[Path, str]) -> None:
+    found, wanted = files[path], path.read_text(encoding="utf-8")
     changes = difflib.unified_diff(wanted.splitlines(), found.splitlines(), "expected", "generated", lineterm="")
     assert found == wanted, "\n".join(["`make golden` if this is meant:", *changes])
 
 
-def test_no_expected_file_is_left_over() -> None:
-    there = {path for name in NAMES for path in (GOLDEN / name).rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    assert there == set(FILES) - set(OWN.values()) - {TEXTS}
+def test_no_expected_file_is_missing_or_left_over(files: dict[Path, str]) -> None:
+    assert set(files) - set(OWN.values()) - {TEXTS} == THERE, "`make golden` if this is meant"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -82,7 +82,7 @@ def _limited(what: str, run: Run) -> Result:
                 time.sleep(seconds)
                 while_short += _total(asking) - before
             heard = relay.heard(name="relay")
-            until(lambda: _all_answered(asking), 30.0, "all clients are answered after the shortage")
+            until(lambda: _all_answered(asking), 120.0, "all clients are answered after the shortage")
             before = _total(asking)
             time.sleep(1.0)
             after += _total(asking) - before
