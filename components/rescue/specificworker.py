@@ -27,6 +27,7 @@ class SpecificWorker(GenericWorker):
         self.red = NOTHING
         self.percent = 0.0
         self.place = ""
+        self.base_fails = False
         self.step: Callable[[], None] = self.get_ready
 
     def compute(self) -> None:
@@ -71,11 +72,20 @@ class SpecificWorker(GenericWorker):
     def call_for_help(self) -> None:
         """Stop the robot, and say where the victim is."""
         self.gotopoint_proxy.stop()
-        self.differentialrobot_proxy.stopBase()
+        self.stop_base()
         text = f"A victim needs help near {self.place}"
         if self.speech_proxy.say(text, overwrite=True):
             self.log.info("found a victim near %s: calling for help", self.place)
             self.step = self.wait_until_said
+
+    def stop_base(self) -> None:
+        """Stop the robot. If its base fails, the mission goes on."""
+        try:
+            self.differentialrobot_proxy.stopBase()
+        except RoboCompGenericBase.HardwareFailedException as failed:
+            if not self.base_fails:
+                self.log.error("the base fails: %s", failed)
+            self.base_fails = True
 
     def wait_until_said(self) -> None:
         """End the mission when the text was spoken."""

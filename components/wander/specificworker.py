@@ -10,15 +10,18 @@ spin      turns on the spot: after `turn`
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from .generic import RoboCompLaser
+from .generic import RoboCompGenericBase, RoboCompLaser
 from .generic.genericworker import GenericWorker
 from .steering import RIGHT, TURNING, Course, Scan, along_wall, speeds
+
+HardwareFailedException = RoboCompGenericBase.HardwareFailedException
 
 ANYWHERE = "anywhere"
 ALPHA_TOLERANCE_RAD = 0.1
@@ -47,13 +50,21 @@ class SpecificWorker(GenericWorker):
         self.spinning = 0.0
         self.arrived = False
         self.moving = False
+        self.base_fails = False
         self.doing: Callable[[], None] = self.rest
         if self.params.explores:
             self.GotoPoint_go(ANYWHERE, 0.0, 0.0, 0.0)
 
     def compute(self) -> None:
-        """Run the mode that was chosen last."""
-        self.doing()
+        """Run the mode that was chosen last. A base that fails is stopped and tried again."""
+        try:
+            self.doing()
+        except HardwareFailedException as failed:
+            if not self.base_fails:
+                self.log.error("the base fails: %s", failed)
+            self.base_fails = True
+            with contextlib.suppress(HardwareFailedException):  # which is known
+                self.differentialrobot_proxy.stopBase()
 
     def rest(self) -> None:
         """Stop the base once."""
@@ -113,6 +124,9 @@ class SpecificWorker(GenericWorker):
         """Set the speeds of the base, in m/s and rad/s."""
         self.moving = True
         self.differentialrobot_proxy.setSpeedBase(adv * 1000, rot)
+        if self.base_fails:
+            self.log.info("the base drives again")
+            self.base_fails = False
 
     def LaserPub_pushLaserData(self, laserData: RoboCompLaser.TLaserData) -> None:
         self.scan = _scan_of(laserData)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rescue.generic.RoboCompBatteryStatus import TBattery
 from rescue.generic.RoboCompCameraSimple import TImage
-from rescue.generic.RoboCompGenericBase import TBaseState
+from rescue.generic.RoboCompGenericBase import HardwareFailedException, TBaseState
 from rescue.specificworker import SpecificWorker
 
 from robocomp_py.testing.components import ComponentTest
@@ -25,13 +25,20 @@ class World:
     def __init__(self) -> None:
         self.arrived = False
         self.speaking = False
+        self.can_speak = True
+        self.fails = False
         self.component = ComponentTest(
             SpecificWorker,
             FAST,
             gotopoint={"atTarget": lambda: self.arrived},
-            speech={"say": True, "isBusy": lambda: self.speaking},
+            speech={"say": lambda *_: self.can_speak, "isBusy": lambda: self.speaking},
+            differentialrobot={"stopBase": self.stop},
             virtual=True,
         )
+
+    def stop(self) -> None:
+        if self.fails:
+            raise HardwareFailedException("the motor is too hot")
 
     def show(self, red_px: int = 0) -> None:
         pixels = np.full((120, 160, 3), 180, np.uint8)
@@ -172,3 +179,15 @@ def test_it_tells_its_story(caplog: pytest.LogCaptureFixture) -> None:
         world.charge(24.0)
         world.wait_for_calls(GO, 2)
     assert "battery low (24 %): going to the charging station" in caplog.messages
+
+
+def test_a_base_that_fails_does_not_end_the_mission(caplog: pytest.LogCaptureFixture) -> None:
+    with mission() as world:
+        world.begin()
+        world.fails, world.can_speak = True, False
+        world.show(red_px=80)
+        world.wait_for_calls("differentialrobot.stopBase", 3)
+        world.can_speak = True
+        world.component.wait_for(lambda: world.component.worker.state == "ended")
+    assert world.component.fine
+    assert caplog.text.count("the base fails: ") == 1

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from wander.generic.RoboCompGenericBase import TBaseState
+from wander.generic.RoboCompGenericBase import HardwareFailedException, TBaseState
 from wander.generic.RoboCompLaser import TData
 from wander.specificworker import SpecificWorker
 
@@ -238,3 +238,21 @@ def test_without_a_scan_or_a_pose_it_stands_still_on_its_way(seen: tuple[list[TD
         now = scan(), at()
         component.wait_for(lambda: len(component.received(SPEED)) > driven)
     assert component.fine
+
+
+def test_a_base_that_fails_is_stopped_and_driven_again_later(caplog: pytest.LogCaptureFixture) -> None:
+    fails = True
+
+    def may_fail(*speeds: float) -> None:
+        if fails:
+            raise HardwareFailedException("the motor is too hot")
+
+    base = {"setSpeedBase": may_fail, "stopBase": may_fail}
+    with ComponentTest(SpecificWorker, FAST, differentialrobot=base, virtual=True) as component:
+        component.call("GotoPoint.turn", 0.5)
+        component.wait_for(lambda: len(component.received(STOP)) >= 3)
+        fails, tried = False, len(component.received(SPEED))
+        component.wait_for(lambda: len(component.received(SPEED)) >= tried + 3)
+    assert component.fine
+    assert caplog.text.count("the base fails: ") == 1
+    assert "the motor is too hot" in caplog.text
