@@ -56,7 +56,7 @@ class SpecificWorker(GenericWorker):
             self.GotoPoint_go(ANYWHERE, 0.0, 0.0, 0.0)
 
     def compute(self) -> None:
-        """Run the mode that was chosen last. A base that fails is stopped and tried again."""
+        """Run the mode that was chosen last. If its base fails, stop and try again."""
         try:
             self.doing()
         except HardwareFailedException as failed:
