@@ -308,6 +308,13 @@ _Simulation_setNoise: Operation[None] = Operation(
     idempotent=True,
     doc="Set the standard deviation of the noise of a node: of a laser in mm; of a base as a part of its speed.",  # noqa: E501, RUF100
 )
+_Simulation_scene: Operation[str] = Operation(
+    "RoboCompSimulation::Simulation",
+    "scene",
+    outputs=(Field("ret", STRING),),
+    idempotent=True,
+    doc="The scene with all edits so far: a file of InnerModel with absolute paths, in which what moves is where it began.",  # noqa: E501, RUF100
+)
 _Simulation_poses: Operation[PoseList] = Operation(
     "RoboCompSimulation::Simulation",
     "poses",
@@ -377,6 +384,7 @@ SIMULATION_INTERFACE = Interface(
         _Simulation_reset,
         _Simulation_setPhysics,
         _Simulation_setNoise,
+        _Simulation_scene,
         _Simulation_poses,
         _Simulation_contacts,
         _Simulation_attach,

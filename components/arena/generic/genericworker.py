@@ -337,6 +337,14 @@ class GenericWorker(Worker[Params]):
         """
 
     @abstractmethod
+    def Simulation_scene(self) -> str:
+        """The scene with all edits so far: a file of InnerModel with absolute paths, in
+        which what moves is where it began.
+
+        IDSL: idempotent string scene()
+        """
+
+    @abstractmethod
     def Simulation_poses(
         self,
         ids: RoboCompSimulation.IdList,
