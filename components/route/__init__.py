@@ -1,0 +1,3 @@
+"""Drives a base along a route, also sideways, and waits while something is in its
+way.
+"""
