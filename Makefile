@@ -16,8 +16,8 @@ help:  ## this list
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…)
-	$(BIN)/python components/demo.py --middleware "$(MIDDLEWARE)"
+demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…; VIEW=1: in the browser)
+	$(BIN)/python components/demo.py --middleware "$(MIDDLEWARE)" $(if $(VIEW),--view)
 
 # Every process of pytest rewrites the assertions of all tests and of its plug-ins, unless it finds them rewritten.
 .venv/rewritten: .venv/ready

@@ -2,6 +2,7 @@
 
 python components/demo.py                        about a minute
 python components/demo.py --fast                 the same story in about ten seconds
+python components/demo.py --view                 watch it in the browser
 python components/demo.py --flat                 in the small world that needs no MuJoCo
 python components/demo.py --middleware zeromq    generated for ZeroMQ only
 
@@ -17,13 +18,17 @@ middleware has changed none of them. The demo also draws the story.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import importlib.util
 import json
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
+import threading
+import webbrowser
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -66,6 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if wrong:  # check before generating anything
         print(f"demo.py: --middleware: {wrong}", file=sys.stderr)
         return 2
+    if options.view and not lacking and not importlib.util.find_spec("viser"):
+        lacking = "pip install 'robocomp-py[viewer]'"
+    if options.view and lacking:
+        print(f"demo.py: --view: a 3-D scene is not there: {lacking}", file=sys.stderr)
+        return 2
     if lacking and not options.flat:
         print(f"The robot is in a house seen from above. For a 3-D scene: {lacking}.")
     before = written_by_users(HERE)
@@ -79,7 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         plan = make_plan(copy / name, Workspace(), usable=usable)
         assert plan, "the network is right, as tests show"
         picture = options.picture or Path("rescue.svg" if lacking else "rescue.gif")
-        code = _run(copy / name, tally, picture.resolve(), options.fast)
+        with shown(name) if options.view else contextlib.nullcontext():
+            code = _run(copy / name, tally, picture.resolve(), options.fast)
         print(
             "\nWhat carried each link, and how many messages, as components counted:\n"
         )
@@ -98,6 +109,38 @@ def lacks_for_a_scene() -> str:
     from robocomp_py.sim.unsafe import has_egl, has_osmesa
 
     return "" if has_egl() or has_osmesa() else "install the package libegl1"
+
+
+@contextlib.contextmanager
+def shown(network: str) -> Iterator[None]:
+    """Show a network in the browser from when it runs, until the end of the block."""
+    over = threading.Event()
+    thread = threading.Thread(target=_show, args=(network, over), name="viewer")
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _show(network: str, over: threading.Event) -> None:
+    """Try to view a network until it runs, and end the viewer when all is over."""
+    view = ["-m", "robocomp_py.cli.rc", "sim", "view", Path(network).stem]
+    while not over.wait(0.5):
+        with subprocess.Popen(
+            [sys.executable, *view],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # it does not run yet
+            text=True,
+        ) as viewer:
+            assert viewer.stdout
+            url = viewer.stdout.readline().strip()
+            if url:
+                print(f"The scene is shown at {url}", flush=True)
+                webbrowser.open(url)
+                over.wait()
+            viewer.terminate()
 
 
 def _run(network: Path, tally: Path, picture: Path, fast: bool) -> int:
@@ -169,6 +212,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--middleware", help="what carries the messages")
+    parser.add_argument("--view", action="store_true", help="show it in the browser")
     parser.add_argument("--fast", action="store_true", help="in ten seconds or so")
     parser.add_argument(
         "--flat", action="store_true", help="in a house seen from above"
