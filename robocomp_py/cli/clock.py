@@ -64,8 +64,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     command("resume", "go on at the speed that was set")
     step = command("step", "let some seconds pass, and stand still")
     step.add_argument("seconds", type=positive, metavar="SECONDS", help="of the clock; at most 1e9")
-    speed = command("speed", "set the seconds of the clock in one second")
-    chosen = speed.add_argument("speed", type=_speed, metavar="SPEED", help="1 is real time; max: as fast as possible")
+    setting = command("speed", "set the seconds of the clock in one second")
+    chosen = setting.add_argument(
+        "speed", type=speed_of, metavar="SPEED", help="1 is real time; max: as fast as possible"
+    )
     completed(chosen, {MAX: "as fast as possible", "1": "real time"})
 
 
@@ -122,8 +124,8 @@ def _print(found: list[Clock], as_json: bool) -> None:
         print_table(("leader", "time", "speed", "", "followers"), rows, wrapped=("followers",))
 
 
-def _speed(text: str) -> float:
-    """0 for `max`."""
+def speed_of(text: str) -> float:
+    """Of a clock; 0 for `max`."""
     if text == MAX:
         return 0.0
     number = positive(text)

@@ -16,15 +16,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .bag import add_span, span_of
+from .clock import MAX, speed_of
 from .common import FINE
-from .live import EXIT_STATUS, Absent, add_json, add_middleware, add_waiting, positive, reported, say
+from .completing import What, completed
+from .live import (
+    COMPONENT,
+    EXIT_STATUS,
+    Absent,
+    Wrong,
+    add_json,
+    add_middleware,
+    add_waiting,
+    awaited,
+    components_named,
+    reported,
+    say,
+)
 
 if TYPE_CHECKING:
+    from ..lockstep.RoboCompClock import ClockState
+    from ..tools.network import Network
     from ..tools.recording.reader import Recording
     from ..tools.replay.answers import Answer
     from ..tools.replay.choice import Part
+    from ..tools.replay.leading import Followed
     from ..tools.replay.pace import Pace
-    from ..tools.replay.player import Delays, Keys, Player
+    from ..tools.replay.player import Delays, Keys
     from ..tools.replay.stage import Stage
 
 NAME = "replay"
@@ -38,6 +55,8 @@ examples:
   rc replay run1 --remap world=ghost             as the topics of another instance
   rc replay run1 --answer                        and answers to the queries that were recorded
   rc replay run1 --paused                        message by message, with the key s
+  rc replay run1 --clock                         ... and lead the clock that components follow
+  rc replay run1 --clock --rate max              as fast as these components can, in lock-step
 
 Keys: space pauses and goes on, s sends the next message, + and - double and halve the rate.
 
@@ -45,6 +64,10 @@ Each topic is published over all middlewares by which something subscribes to it
 may move a robot, so they are sent only if --only names them. With --answer, queries
 are served over all middlewares by which something calls them. The answer is the newest response that was recorded until
 then, whatever is asked; before the first one, it is the first.
+
+With --clock, the replay takes the place of the component that leads the clock of a network, as in `clock world;`, which
+must not run. The clock passes with the recording, also in pauses and at other rates, and `rc clock` drives both. In
+lock-step, the components do the same at the same instants each time.
 
 {EXIT_STATUS}
 """
@@ -55,7 +78,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("recording", type=Path, metavar="RECORDING", help="a folder of `rc record`, or a file *.mcap")
-    to.add_argument("--rate", type=positive, default=1.0, metavar="FACTOR", help="2 is twice as fast (default: 1)")
+    about = f"2 is twice as fast (default: 1); {MAX}, with --clock in lock-step: as fast as possible"
+    to.add_argument("--rate", type=speed_of, default=1.0, metavar="FACTOR", help=about)
     add_span(to)
     to.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
     to.add_argument(
@@ -75,6 +99,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     to.add_argument("--paused", action="store_true", help="begin with a pause; needs a terminal")
     to.add_argument("--beside", action="store_true", help="publish topics also if something else publishes them now")
+    to.add_argument("--clock", action="store_true", help="lead the clock that components follow")
+    about = f"the leader whose place --clock takes, if several clocks are followed: {COMPONENT}"
+    completed(to.add_argument("--of", metavar="COMPONENT", help=about), What.COMPONENT)
     add_waiting(to)
     add_middleware(to)
     add_json(to)
@@ -89,6 +116,10 @@ def run(options: argparse.Namespace) -> int:
     with reported("rc replay") as code:
         if options.paused and not _has_keys():
             raise ConfigurationError("--paused needs a terminal, since a key ends the pause")
+        if options.of and not options.clock:
+            raise ConfigurationError("--of names the leader of a clock: it needs --clock")
+        if not options.rate and not options.clock:
+            raise ConfigurationError(f"--rate {MAX} needs --clock, by which the replay learns when components are done")
         remaps = [remap(each) for each in options.remap]
         with Recording(options.recording) as recording:
             parts, left_out = parts_of(recording, options.only, remaps)
@@ -109,11 +140,14 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
     from ..tools.replay.ahead import Ahead
     from ..tools.replay.answers import Answers, servers
     from ..tools.replay.choice import clashes
+    from ..tools.replay.leading import leading
     from ..tools.replay.pace import Pace
     from ..tools.replay.player import Player
     from ..tools.replay.stage import Stage
 
     start, end = span_of(options, recording)
+    clock = _clock(options) if options.clock else None
+    parts = [each for each in parts if clock is None or each.channel != f"{clock.leader}/Clock/tick"]
     names = [*(each.topic.name for each in parts), *(each.topic.name for each in answers)]
     if next(recording.messages(names, start, end), None) is None:
         raise Absent(f"{options.recording}: it has no messages there; it takes {_seconds(recording):.1f} s")
@@ -139,15 +173,54 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
                 raise Absent(_unused(parts, answers))
             stage.watch()
             reading = Ahead(recording, names, start=start, end=end, is_loop=options.loop)
+            length = _length(recording, options)
             with reading as messages, _keys() as keys:
-                pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
-                player = Player(pace, keys, send, partial(_show, seconds=_length(recording, options)))
-                begun = time.monotonic()
+                begun, delays = time.monotonic(), None
                 try:
-                    player.play(messages)
+                    if clock:
+                        led = leading(access, clock, parts, send, options.rate)
+                        led.play(messages, keys, partial(_show_clock, seconds=length), is_paused=options.paused)
+                    else:
+                        pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
+                        player = Player(pace, keys, send, partial(_show_pace, seconds=length))
+                        try:
+                            player.play(messages)
+                        finally:
+                            delays = player.delays
                 finally:
-                    _sum_up(parts, answers, stage, player, time.monotonic() - begun, options)
+                    _sum_up(parts, answers, stage, delays, time.monotonic() - begun, options)
     return FINE
+
+
+def _clock(options: argparse.Namespace) -> Followed:
+    """A clock that components follow and that nothing leads, once there is one.
+
+    Raises Absent and ConfigurationError.
+    """
+    from ..errors import ConfigurationError
+    from ..tools.replay.leading import followed, leaders
+
+    def pick(network: Network) -> Followed:
+        found = {each.leader: each for each in followed(network)}
+        led = leaders(network)
+        try:
+            chosen = components_named([*found, *led], [options.of] if options.of else [])
+        except Absent as exc:
+            raise ValueError(str(exc)) from exc
+        free = [found[each] for each in chosen if each in found]
+        if len(free) > 1:
+            listed = ", ".join(each.leader for each in free)
+            raise Wrong(f"several clocks are followed; choose one by --of: {listed}")
+        if free:
+            return free[0]
+        if led:
+            raise ValueError(f"{led[0]} leads the clock; stop it, so that the replay can take its place")
+        raise ValueError("no component follows a clock here; let them do it: rcdeploy NET.ddsl --clock world")
+
+    clock = awaited(options, pick)
+    if not options.rate and not clock.is_lockstep:
+        raise ConfigurationError(f"--rate {MAX} is for a clock in lock-step; that of {clock.leader} passes by itself")
+    return clock
 
 
 def _seconds(recording: Recording) -> float:
@@ -234,13 +307,20 @@ def _clear() -> None:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-def _show(pace: Pace, now: int, *, seconds: float) -> None:
+def _show_pace(pace: Pace, now: int, *, seconds: float) -> None:
+    _show(pace.position(now), pace.rate, pace.is_paused, seconds)
+
+
+def _show_clock(state: ClockState, position: int, *, seconds: float) -> None:
+    _show(position, state.speed, state.paused, seconds)
+
+
+def _show(position: int, rate: float, is_paused: bool, seconds: float) -> None:
     if not sys.stderr.isatty():
         return
-    state = "paused" if pace.is_paused else f"× {pace.rate:g}"
+    state = "paused" if is_paused else f"× {rate:g}" if rate else f"× {MAX}"
     keys = "  (space, s, +, -)" if _has_keys() else ""
-    position = f"{pace.position(now) / 1e9:.1f} of {seconds:.1f} s"
-    print(f"\r\x1b[K{position}, {state}{keys}", end="", file=sys.stderr, flush=True)
+    print(f"\r\x1b[K{position / 1e9:.1f} of {seconds:.1f} s, {state}{keys}", end="", file=sys.stderr, flush=True)
 
 
 # The end.
@@ -250,12 +330,11 @@ def _sum_up(
     parts: list[Part],
     answers: list[Answer],
     stage: Stage,
-    player: Player,
+    late: Delays | None,
     seconds: float,
     options: argparse.Namespace,
 ) -> None:
     _clear()
-    late = player.delays
     topics = [
         {
             "channel": each.channel,
@@ -271,7 +350,8 @@ def _sum_up(
         queries = [
             {"channel": each.channel, "answered": each.answered, "middlewares": list(each.ways)} for each in answers
         ]
-        told = {"recording": str(options.recording), "seconds": seconds, "late": late._asdict(), "topics": topics}
+        punctual = late._asdict() if late else None
+        told = {"recording": str(options.recording), "seconds": seconds, "late": punctual, "topics": topics}
         print(json.dumps({**told, "queries": queries}), flush=True)
         return
     messages = sum(each.sent for each in parts if stage.ways(each))
@@ -283,7 +363,9 @@ def _sum_up(
         print(f"  {query.channel}: {over}", flush=True)
 
 
-def _lateness(late: Delays) -> str:
+def _lateness(late: Delays | None) -> str:
+    if late is None:
+        return "by the clock that it led"
     median, p99, longest = (f"{each * 1e3:.1f} ms" for each in late[:3])
     held_up = f", held up for {late.held_up:.1f} s" if late.held_up else ""
     return f"late by {median} (99 % within {p99}, at most {longest}){held_up}"

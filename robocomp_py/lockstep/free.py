@@ -11,7 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..contract.component import Component, Port
 from ..contract.interface import Verb
@@ -20,6 +20,7 @@ from ..runtime.clock import NEVER, SECOND, ns
 from ..runtime.ports import Proxy
 from ..threads import NO_THREAD, start_thread
 from ..wire import names
+from .links import Publishes
 from .pace import MAX_SPEED, MAX_STEP
 from .RoboCompClock import CLOCK_INTERFACE, CLOCKCONTROL_INTERFACE, ClockState
 
@@ -109,7 +110,8 @@ class Followed:
         self._is_over = is_over
         self.alarm = threading.Event()
 
-    def open(self, connections: Connections) -> None: ...
+    def open(self, connections: Any) -> None:
+        """`connections` are those of the component."""
 
     def begin(self) -> None: ...
 
@@ -166,7 +168,7 @@ class Leading(Followed):
         self._close: Callable[[], None] = lambda: None
         self._thread: threading.Thread | None = None
 
-    def open(self, connections: Connections) -> None:
+    def open(self, connections: Publishes) -> None:
         self._proxy, self._close = connections.publish(Port(Verb.PUBLISHES, CLOCK_INTERFACE, proxy=_ClockProxy))
         connections.serve(Port(Verb.IMPLEMENTS, CLOCKCONTROL_INTERFACE), self)
 

@@ -17,7 +17,7 @@ from ..threads import NO_THREAD, start_thread
 from ..wire import names
 from .balance import Balance, State
 from .line import Asked, Line, connect
-from .member import Member
+from .links import Reaches, Seated
 from .pace import Pace
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
 from .RoboCompLockstep import (
@@ -28,7 +28,6 @@ from .RoboCompLockstep import (
 )
 
 if TYPE_CHECKING:
-    from ..runtime.connections import Connections
     from ..runtime.settings import Settings
 
 log = logging.getLogger("robocomp.clock")
@@ -59,7 +58,7 @@ _STUCK = 5.0
 
 
 class _Asked(Asked, Protocol):
-    def counters(self) -> list[Counter]: ...
+    def counters(self) -> Sequence[Counter]: ...
 
 
 class _Far:
@@ -122,7 +121,7 @@ class Leader:
     next instant when all threads of all components wait, and all that they sent was handled.
     """
 
-    def __init__(self, settings: Settings, member: Member, fail: Callable[[str], None]) -> None:
+    def __init__(self, settings: Settings, member: Seated, fail: Callable[[str], None]) -> None:
         """`fail` ends the component: because a follower was lost, if its configuration says so."""
         assert settings.clock
         self._clock, self._patience = settings.clock, settings.startup_timeout
@@ -137,7 +136,7 @@ class Leader:
         """Whether a call was made whose handler may have sent something that is not known yet."""
         self._is_level = True
         """Whether nothing was under way when the components were last looked at."""
-        self._connections: Connections | None = None
+        self._connections: Reaches | None = None
         self._lock = threading.Lock()
         self._joining: dict[str, int] = {}
         """The times that their clocks show."""
@@ -148,7 +147,7 @@ class Leader:
         self._lost_on: set[str] = set()
         """The channels of lost messages that were reported."""
 
-    def open(self, connections: Connections) -> None:
+    def open(self, connections: Reaches) -> None:
         self._connections = connections
         connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPLEADER_INTERFACE), self)
         connections.serve(Port(Verb.IMPLEMENTS, CLOCKCONTROL_INTERFACE), self)
@@ -211,6 +210,8 @@ class Leader:
     def _run(self) -> None:
         try:
             self._gather()
+            with self._lock:
+                self._now = max([self._now, *self._joining.values()])  # from which the clock goes on
             self._seat_all([_Seat(self._member.instance, self._member)])
             self._pace.begin(self._now)
             while not self._closing.is_set():

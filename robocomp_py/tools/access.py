@@ -171,6 +171,10 @@ class Access:
         path = base.Channel(name, Pattern.COMMAND, _type(operation, Pattern.COMMAND), DEFAULT_QOS)
         return self._transport(middleware).inlet(path, sink)
 
+    def transport(self, middleware: str) -> Transport:
+        """A middleware, which is closed with this object. Raises ConfigurationError and TransportError."""
+        return self._transport(middleware)
+
     def _caller(self, channel: Channel) -> tuple[Caller, Call[Any]]:
         transport = self._of(channel)
         return transport.caller(_path(channel)), Call(channel.operation, transport.codec)

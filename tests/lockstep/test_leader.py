@@ -230,3 +230,18 @@ def test_a_restarted_follower_takes_the_place_of_the_former_one() -> None:
         assert first.closed == 1
     finally:
         made.close()
+
+
+def test_a_leader_goes_on_from_the_latest_time_of_its_followers() -> None:
+    """Also at the speed of the clock on the wall: it does not wait until that time has passed."""
+    follower = Follower([])
+    settings = Settings("sun", clock=ClockSettings("sun", ("/moon",), speed=1.0))
+    made = Leader(settings, Member(settings, lambda: True, lambda: False), lambda why: None)
+    connections: Any = Connections({"/moon": follower})
+    made.open(connections)
+    made.LockstepLeader_join("/moon", 60 * 60 * SECOND)
+    made.begin()
+    try:
+        wait_until(lambda: 60 * 60 * SECOND + SECOND in follower.steps)
+    finally:
+        made.close()
