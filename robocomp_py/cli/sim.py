@@ -12,10 +12,10 @@ from pathlib import Path
 from ..errors import RobocompError
 from . import starting
 from .common import FINE, complain
-from .viewing import VIEW_HELP, add_view, view
+from .viewing import EDIT_HELP, VIEW_HELP, add_edit, add_view, edit, view
 
 NAME = "sim"
-HELP = "simulate a scene of InnerModel as a component, and show it in the browser"
+HELP = "simulate a scene of InnerModel as a component, and show and edit it in the browser"
 
 _EXAMPLES = """\
 examples:
@@ -26,15 +26,18 @@ examples:
 
   rc sim view house.xml              the scene in the browser
   rc sim view                        ... as it runs
+  rc sim edit house.xml              edit the scene in the browser
 
-Simulating needs `pip install 'robocomp-py[sim]'`, and looking at a scene `pip install 'robocomp-py[viewer]'`.
+Simulating needs `pip install 'robocomp-py[sim]'`, and the browser `pip install 'robocomp-py[viewer]'`.
 
 exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage, 130/143 by a signal
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
-    to.description = "Write a component that simulates a scene, print what a network has to declare of it, and show it."
+    to.description = (
+        "Write a component that simulates a scene, print what a network has to declare of it, show and edit it."
+    )
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
@@ -55,6 +58,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     shown.add_argument("--json", action="store_true", help="print one object: interfaces by device, or with their port")
     add_view(actions.add_parser("view", help=VIEW_HELP))
+    add_edit(actions.add_parser("edit", help=EDIT_HELP))
 
 
 def _add_lidar(to: argparse.ArgumentParser) -> None:
@@ -70,6 +74,8 @@ def _add_lidar(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if options.action == "view":
         return view(options)
+    if options.action == "edit":
+        return edit(options)
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
     from ..sim.parameters import FANS, FIELD

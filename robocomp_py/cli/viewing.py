@@ -1,4 +1,4 @@
-"""`rc sim view`: a scene in the browser."""
+"""`rc sim view` and `rc sim edit`: a scene in the browser."""
 
 from __future__ import annotations
 
@@ -46,6 +46,42 @@ def add_view(to: argparse.ArgumentParser) -> None:
 
 def add_port(to: argparse.ArgumentParser) -> None:
     to.add_argument("--port", type=port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")
+
+
+EDIT_HELP = "edit the file of a scene in the browser"
+
+_EDIT_EXAMPLES = """\
+examples:
+  rc sim edit house.xml               edit a scene
+  rc sim edit house.xml --port 8800   ... at this port, for an SSH tunnel
+
+Open the URL that it prints. Click a shape, or choose a node, then drag its arrows and rings, or edit its fields. Only
+what was edited changes in the file, when it is saved. The first page that is opened edits; others look. A file that
+something else has changed meanwhile is not overwritten.
+
+exit status: 0 done, 1 the scene is wrong or the port is taken, 2 usage, 130/143 by a signal
+"""
+
+
+def add_edit(to: argparse.ArgumentParser) -> None:
+    to.description = "Serve a page on which a scene is edited: positions, attributes, planes and meshes."
+    to.epilog, to.formatter_class = _EDIT_EXAMPLES, argparse.RawDescriptionHelpFormatter
+    to.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it has to exist")
+    add_port(to)
+
+
+def edit(options: argparse.Namespace) -> int:
+    path: Path = options.scene
+    if not is_read(path):
+        return WRONG
+    with reported("rc sim edit") as code:
+        from ..sim.view.desk import Desk
+        from ..sim.view.editor import Editor
+        from .replacing import replace_file
+
+        editor = Editor(path, replace_file)
+        return served(options.port, path.name, lambda page: Desk(page, editor, tell).follow, command="rc sim edit")
+    return code()
 
 
 def view(options: argparse.Namespace) -> int:

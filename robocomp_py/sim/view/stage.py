@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -20,8 +21,8 @@ from ...innermodel.mesh import Mesh
 from ...innermodel.read import ROOT_ID
 from .shapes import Block, Eye, Fan, Form, Gallery, Pictured, Shape, Surface
 
-Picked = Callable[[str, int], None]
-"""Gets the id of a node that was clicked, and the number of the page."""
+Picked = Callable[[str, int], object]
+"""Gets the id of a node that was clicked, and the number of the page. To a coroutine function, clicks come in order."""
 
 _REACH = 500.0
 """Length of what shows the directions of a laser, mm."""
@@ -40,7 +41,7 @@ class Stage:
     """What is shown of a scene on all pages of a server. Its methods may be called from any thread."""
 
     def __init__(self, server: viser.ViserServer, gallery: Gallery, picked: Picked | None = None) -> None:
-        """`picked` is called on a thread of viser."""
+        """`picked` is called on a thread of viser, or awaited on that of its event loop."""
         self._server, self._gallery, self._picked = server, gallery, picked
         self._shown: dict[tuple[str, str], _Shown] = {}
         self._carriers: dict[str, Any] = {}
@@ -97,9 +98,18 @@ class Stage:
         where: dict[str, Any] = _pose(shape.pose)
         handle = _added(self._server.scene, path, shape.form, self._gallery, where)
         if self._picked is not None and not isinstance(shape.form, Fan):
-            picked = self._picked
-            handle.on_click(lambda event: picked(shape.node, event.client_id))
+            handle.on_click(_clicked(self._picked, shape.node))
         return handle
+
+
+def _clicked(picked: Picked, node: str) -> Callable[[Any], Any]:
+    if not inspect.iscoroutinefunction(picked):
+        return lambda event: picked(node, event.client_id)
+
+    async def clicked(event: Any) -> None:
+        await picked(node, event.client_id)
+
+    return clicked
 
 
 def _added(scene: viser.SceneApi, path: str, form: Form, gallery: Gallery, where: dict[str, Any]) -> Any:

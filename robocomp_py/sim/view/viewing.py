@@ -15,7 +15,7 @@ from ...innermodel.tree import Tree
 from ...innermodel.write import as_text
 from .page import Page
 from .shapes import Gallery, drawn, on_page
-from .stage import Stage
+from .stage import Picked, Stage
 
 if TYPE_CHECKING:
     import viser  # loaded by `page`, which says what to install if it is not there
@@ -26,14 +26,34 @@ Tell = Callable[[str], None]
 _NOTHING = "Click something."
 
 
+class Scene:
+    """Trees on a page, of which what cannot be shown is told once."""
+
+    def __init__(self, server: viser.ViserServer, tell: Tell, picked: Picked) -> None:
+        self._tell, self._told = tell, set[str]()
+        self._gallery = Gallery()
+        self._stage = Stage(server, self._gallery, picked)
+
+    def show(self, tree: Tree, carriers: Collection[str] = ()) -> None:
+        """Show a tree. What is at or below `carriers` is moved by `place`."""
+        drawing = drawn(tree, self._gallery, carriers)
+        for each in drawing.troubles:
+            if each not in self._told:
+                self._told.add(each)
+                self._tell(each)
+        self._stage.show(drawing.shapes)
+
+    def place(self, carrier: str, matrix: Array) -> None:
+        """Move a carrier to where a pose of InnerModel says, seen from the root."""
+        self._stage.place(carrier, on_page(matrix))
+
+
 class Show:
     """A tree on a page, with what a click tells of a node."""
 
     def __init__(self, page: Page, tell: Tell) -> None:
-        self._server, self._tell = page.server, tell
-        self._told: set[str] = set()
-        self._gallery = Gallery()
-        self._stage = Stage(page.server, self._gallery, self._picked)
+        self._tell = tell
+        self.scene = Scene(page.server, tell, self._picked)
         self._facts: dict[int, Any] = {}
         """What pages show of a node, by their numbers."""
         self.tree = Tree()
@@ -46,18 +66,9 @@ class Show:
         return bool(self._facts)
 
     def show(self, tree: Tree, carriers: Collection[str] = ()) -> None:
-        """Show a tree. What is at or below `carriers` is moved by `place`."""
+        """Show a tree. What is at or below `carriers` is moved by `scene.place`."""
         self.tree = tree
-        drawing = drawn(tree, self._gallery, carriers)
-        for each in drawing.troubles:
-            if each not in self._told:
-                self._told.add(each)
-                self._tell(each)
-        self._stage.show(drawing.shapes)
-
-    def place(self, carrier: str, matrix: Array) -> None:
-        """Move a carrier to where a pose of InnerModel says, seen from the root."""
-        self._stage.place(carrier, on_page(matrix))
+        self.scene.show(tree, carriers)
 
     def where(self, node: str) -> Array:
         """The pose of a node, seen from the root."""

@@ -65,7 +65,10 @@ class Visitor:
     def set(self, label: str, value: Any) -> None:
         """Set a field, or press a button by True, once it is there."""
         wait_until(lambda: self.field(label), what=f"no field `{label}`")
-        self._send(messages.GuiUpdateMessage(self.field(label)["uuid"], {"value": value}))
+        number = self.field(label)["uuid"]
+        with self._lock:
+            self.fields[number]["value"] = value
+        self._send(messages.GuiUpdateMessage(number, {"value": value}))
 
     def drag(self, matrix: Array) -> None:
         """Move the gizmo to a pose within its parent."""
