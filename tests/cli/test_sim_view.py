@@ -1,4 +1,4 @@
-"""`rc sim view` from outside."""
+"""`rc sim view` and `rc sim edit` from outside."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ def scene(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_prints_the_address_of_a_page_and_ends_with_an_interrupt(scene: Path) -> None:
-    command = [sys.executable, "-m", "robocomp_py.cli.rc", "sim", "view", str(scene)]
+@pytest.mark.parametrize("action", ["view", "edit"])
+def test_it_prints_the_address_of_a_page_and_ends_with_an_interrupt(scene: Path, action: str) -> None:
+    command = [sys.executable, "-m", "robocomp_py.cli.rc", "sim", action, str(scene)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
         url = urlsplit(process.stdout.readline().strip())
@@ -56,6 +57,8 @@ def test_a_wrong_scene_is_told_as_lint_tells_it(scene: Path, capsys: pytest.Capt
     said = capsys.readouterr().err
     assert "house.xml:2:3: error[unknown-tag]" in said
     assert linted.startswith(said)
+    assert rc(["sim", "edit", str(scene)]) == 1
+    assert capsys.readouterr().err == said
 
 
 def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

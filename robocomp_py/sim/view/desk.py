@@ -118,19 +118,24 @@ class Sheet:
         self.client, self._desk, self._editor = client, desk, desk.editor
         gui = client.gui
         self._state: Any = gui.add_text("state", "", multiline=True, disabled=True)
-        self._undo = self._button("Undo", self._editor.undo)
-        self._redo = self._button("Redo", self._editor.redo)
-        self._save = self._button("Save", self._saved)
-        self._copy = self._button("Save a copy", lambda: f"saved as {self._editor.save_copy().name}")
-        self._reload = self._button("Reload", self._reloaded)
-        self._button("Add plane", self._editor.add_plane, tells=False)
-        self._file: Any = gui.add_text("mesh file", "", hint="a file, absolute or from the folder of the scene")
-        self._button("Add mesh", lambda: self._editor.add_mesh(self._file.value.strip()), tells=False)
-        self._remove = self._button("Remove", lambda: self._editor.remove(self._editor.selected))
-        self._parent = self._button("Select parent", self._select_parent)
         self._ids: tuple[str, ...] = ()
         self._node: Any = gui.add_dropdown("node", (_NONE,))
         self._node.on_update(self._chosen)
+        self._place = gui.add_folder(None)
+        """Where the folder of fields is."""
+        self._undo = self._button("Undo", self._editor.undo)
+        self._redo = self._button("Redo", self._editor.redo)
+        self._save = self._button("Save", self._saved)
+        with gui.add_folder("node and scene"):
+            self._parent = self._button("Select parent", self._select_parent)
+            self._remove = self._button("Remove", lambda: self._editor.remove(self._editor.selected))
+            self._button("Add plane", self._editor.add_plane, tells=False)
+            self._file: Any = gui.add_text("mesh file", "", hint="a file, absolute or from the folder of the scene")
+            self._file.on_update(self._named)
+            self._mesh = self._button("Add mesh", lambda: self._editor.add_mesh(self._file.value.strip()), tells=False)
+        with gui.add_folder("file"):
+            self._button("Save a copy", lambda: f"saved as {self._editor.save_copy().name}")
+            self._button("Reload", self._desk.load)
         self._folder: Any = None
         self._fields: dict[str, Any] = {}
         """By the names of attributes."""
@@ -163,6 +168,7 @@ class Sheet:
         is_saved = editor.is_saved
         self._undo.disabled, self._redo.disabled = not editor.can_undo, not editor.can_redo
         self._save.disabled = is_saved
+        self._mesh.disabled = not editor.finds(self._file.value.strip())
         self._remove.disabled = self._parent.disabled = not editor.selected
         self._state.value = text or f"{editor.path.name}: {'saved' if is_saved else 'not saved'}"
 
@@ -186,9 +192,6 @@ class Sheet:
         names = ", ".join(each.name for each in self._editor.save())
         return f"{names}: saved" if names else ""
 
-    def _reloaded(self) -> str:
-        return self._desk.load()
-
     def _select_parent(self) -> None:
         parent = self._editor.tree.parent(self._editor.selected)
         self._editor.select(parent if parent != ROOT_ID else "")
@@ -196,6 +199,9 @@ class Sheet:
     async def _chosen(self, event: GuiEvent[Any]) -> None:
         if event.client is not None:  # else this program has set it
             self.select("" if event.target.value == _NONE else event.target.value)
+
+    async def _named(self, event: GuiEvent[Any]) -> None:
+        self._mesh.disabled = not self._editor.finds(event.target.value.strip())
 
     # Fields.
 
@@ -208,7 +214,8 @@ class Sheet:
         if not editor.selected:
             return
         tag = TAGS[editor.tree.node(editor.selected).tag]
-        self._folder = self.client.gui.add_folder(f"{tag.name} {editor.selected}")
+        with self._place:
+            self._folder = self.client.gui.add_folder(f"{tag.name} {editor.selected}")
         with self._folder:
             for name, attribute in tag.attributes.items():
                 if name != "id" and not attribute.text.startswith("without effect"):

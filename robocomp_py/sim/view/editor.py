@@ -21,7 +21,7 @@ from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.mesh import read_mesh
 from ...innermodel.nodes import TAGS
-from ...innermodel.read import ROOT_ID, InnerModelError, Value, read, read_file
+from ...innermodel.read import ROOT_ID, InnerModelError, Value, found_file, read, read_file
 from ...innermodel.tree import Node, Tree
 
 Write = Callable[[Path, bytes], None]
@@ -122,11 +122,12 @@ class Editor:
         """Add a box in what is selected, or beside it; returns its id."""
         return self._add("plane", {"size": (500.0, 500.0, 500.0), "py": 250.0, "texture": "#b0a080"})
 
-    def add_mesh(self, file: str) -> str:
-        """Add a shape from a file: an absolute path, or one from the folder of the scene. Returns its id.
+    def finds(self, file: str) -> bool:
+        """Whether there is such a file: an absolute path, or one from the folder of the scene."""
+        return found_file(file, self.path.parent, {}) is not None
 
-        Raises EditorError if the file is not there, or cannot be read.
-        """
+    def add_mesh(self, file: str) -> str:
+        """Add a shape from a file, and return its id. Raises EditorError if the file cannot be read."""
         alone = self.tree.copy()
         name = _free(alone, "mesh")
         try:

@@ -141,7 +141,8 @@ def _pictured(form: Pictured, gallery: Gallery) -> trimesh.Trimesh:
     points, places, faces = pictured(np.array(form.size))
     places[:, 1] = 1.0 - places[:, 1]  # trimesh has its places from the lower left corner
     visuals: Any = trimesh.visual.texture  # it has no types
-    look = visuals.TextureVisuals(uv=places, image=Image.fromarray(pixels))
+    paper = visuals.PBRMaterial(baseColorTexture=Image.fromarray(pixels), metallicFactor=0.0, roughnessFactor=1.0)
+    look = visuals.TextureVisuals(uv=places, material=paper)
     return trimesh.Trimesh(axes.position_to_simulation(points), faces, visual=look, process=False)
 
 
