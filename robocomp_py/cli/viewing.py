@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG, show
+from .common import FINE, WRONG, complain, show
 from .completing import What, completed
 from .live import add_middleware, port, reported
 
@@ -72,6 +72,8 @@ def add_edit(to: argparse.ArgumentParser) -> None:
 
 def edit(options: argparse.Namespace) -> int:
     path: Path = options.scene
+    if path.suffix.lower() != ".xml":
+        return complain(f"rc sim edit: {path}: give it the file of a scene (.xml)")
     if not is_read(path):
         return WRONG
     with reported("rc sim edit") as code:

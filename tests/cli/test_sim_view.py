@@ -67,6 +67,11 @@ def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.Captur
     assert "cannot be read: No such file or directory" in said
 
 
+def test_what_is_edited_is_a_file_of_a_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc(["sim", "edit", "house"]) == 1
+    assert capsys.readouterr().err == "rc sim edit: house: give it the file of a scene (.xml)\n"
+
+
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [

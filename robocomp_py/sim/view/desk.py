@@ -17,6 +17,7 @@ from ...innermodel.write import as_text
 from .editor import Editor, EditorError, gives
 from .page import Page
 from .shapes import from_page, on_page
+from .stage import quaternion
 from .viewing import Scene, Tell, facts, stamp
 
 if TYPE_CHECKING:
@@ -262,7 +263,7 @@ class Sheet:
         if not (moves or turns):
             return
         pose = on_page(tree.matrix(ROOT_ID, name))
-        turn = viser.transforms.SO3.from_matrix(pose[:3, :3]).wxyz
+        turn = quaternion(pose[:3, :3])
         if self._gizmo is None:
             made = self.client.scene.add_transform_controls(
                 _GIZMO,

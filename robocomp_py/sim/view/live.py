@@ -93,13 +93,11 @@ class LiveShow(Show):
         if text != self._text:
             self._text = text
             self.show(Tree.read(Path(self._name), reading=lambda path: text.encode()), poses)
-        for name, matrix in poses.items():  # a message that told of one may have been lost
-            self.scene.place(name, matrix)
+        self.scene.place(poses)  # a message that told of one may have been lost
         self._trouble = ""
 
     def _advance(self, message: Any) -> None:
-        for each in message.moved:
-            self.scene.place(each.id, _matrix(each))
+        self.scene.place({each.id: _matrix(each) for each in message.moved})
         at = message.at
         state = "stands still" if at.paused else f"{at.reached:.2g} × real time"
         self._time.value = f"{at.time:.1f} s, {state}{', physics' if at.physics else ''}"

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import inspect
+import math
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import trimesh
 import viser
-import viser.transforms
 from PIL import Image
 
 from ...innermodel import axes
@@ -69,10 +69,11 @@ class Stage:
             if self._shown and not self._is_aimed:
                 self._aim()
 
-    def place(self, carrier: str, pose: Array) -> None:
-        """Move all shapes of a carrier: its pose, seen from the root, as the page has poses."""
-        with self._lock:
-            _put(self._carrier(carrier), pose)
+    def place(self, poses: Mapping[str, Array]) -> None:
+        """Move all shapes of carriers at once: poses seen from the root, as the page has them."""
+        with self._lock, self._server.atomic():
+            for carrier, pose in poses.items():
+                _put(self._carrier(carrier), pose)
 
     def _aim(self) -> None:
         """Let new pages look at all of it."""
@@ -170,8 +171,26 @@ def _surface(scene: viser.SceneApi, path: str, form: Surface, gallery: Gallery, 
 
 
 def _pose(matrix: Array) -> dict[str, Any]:
-    turn = viser.transforms.SO3.from_matrix(matrix[:3, :3])
-    return {"position": matrix[:3, 3].copy(), "wxyz": turn.wxyz}
+    return {"position": tuple(matrix[:3, 3].tolist()), "wxyz": quaternion(matrix[:3, :3])}
+
+
+def quaternion(turn: Array) -> tuple[float, float, float, float]:
+    """The quaternion w, x, y, z of a rotation, shape (3, 3).
+
+    viser has such a function, too. It computes with arrays of numpy, which takes eight times as long.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = turn.tolist()
+    candidates = (1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i)
+    largest = max(range(4), key=candidates.__getitem__)
+    size = candidates[largest]
+    w, x, y, z = (
+        (size, h - f, c - g, d - b),
+        (h - f, size, b + d, c + g),
+        (c - g, b + d, size, f + h),
+        (d - b, c + g, f + h, size),
+    )[largest]
+    scale = 0.5 / math.sqrt(size)
+    return w * scale, x * scale, y * scale, z * scale
 
 
 def _put(handle: Any, matrix: Array) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...errors import RobocompError
 from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.nodes import TAGS
@@ -43,9 +44,9 @@ class Scene:
                 self._tell(each)
         self._stage.show(drawing.shapes)
 
-    def place(self, carrier: str, matrix: Array) -> None:
-        """Move a carrier to where a pose of InnerModel says, seen from the root."""
-        self._stage.place(carrier, on_page(matrix))
+    def place(self, matrices: Mapping[str, Array]) -> None:
+        """Move carriers to where poses of InnerModel say, seen from the root."""
+        self._stage.place({name: on_page(matrix) for name, matrix in matrices.items()})
 
 
 class Show:
@@ -58,7 +59,7 @@ class Show:
         """What pages show of a node, by their numbers."""
         self.tree = Tree()
         page.server.on_client_connect(self._opened)
-        page.server.on_client_disconnect(lambda client: self._facts.pop(client.client_id, None))
+        page.server.on_client_disconnect(self._left)
 
     @property
     def is_seen(self) -> bool:
@@ -74,13 +75,20 @@ class Show:
         """The pose of a node, seen from the root."""
         return self.tree.matrix(ROOT_ID, node)
 
-    def _opened(self, client: viser.ClientHandle) -> None:
+    async def _opened(self, client: viser.ClientHandle) -> None:
         self._facts[client.client_id] = client.gui.add_text("node", _NOTHING, multiline=True, disabled=True)
+
+    async def _left(self, client: viser.ClientHandle) -> None:
+        self._facts.pop(client.client_id, None)
 
     def _picked(self, node: str, client: int) -> None:
         text = self._facts.get(client)
-        if text is not None and node in self.tree:
+        if text is None or node not in self.tree:
+            return
+        try:
             text.value = facts(self.tree, node, self.where(node))
+        except RobocompError as exc:  # a component that runs no longer
+            text.value = str(exc)
 
 
 class FileShow(Show):

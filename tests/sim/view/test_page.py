@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import math
 import os
 import socket
 from collections.abc import Iterator
@@ -10,12 +11,16 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
+import viser.transforms
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from robocomp_py.innermodel import axes
 from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.sim.view.page import Page
+from robocomp_py.sim.view.stage import quaternion
 from robocomp_py.sim.view.viewing import FileShow
 from robocomp_py.testing.patience import SOON
 from tests.sim.view.visitor import visiting
@@ -49,6 +54,14 @@ def rewritten(path: Path, text: str) -> None:
     before = path.stat().st_mtime_ns
     path.write_text(text)
     os.utime(path, ns=(before + 10**6, before + 10**6))
+
+
+@pytest.mark.parametrize(
+    "angles", [(0.1, 0.2, 0.3), (math.pi, 0, 0.1), (0, math.pi, 0.1), (0.1, 0, math.pi), (3, 3, 3)]
+)
+def test_a_rotation_is_the_same_as_a_quaternion(angles: tuple[float, float, float]) -> None:
+    turn = axes.rotation(*angles)
+    assert np.allclose(viser.transforms.SO3(np.array(quaternion(turn))).as_matrix(), turn)
 
 
 def test_a_scene_is_shown(scene: Path) -> None:
