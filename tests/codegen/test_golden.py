@@ -18,7 +18,7 @@ from robocomp_py.codegen.generate import environment
 from robocomp_py.dsl.tables import make, read_grammar, text_of
 
 from ..dsl.tables import LANGUAGES
-from .generated import MODELS, NAMES, artifacts, copied
+from .generated import MODELS, NAMES, copied
 from .golden import GOLDEN, OWN, TEXTS, expected
 
 THERE = {path for name in NAMES for path in (GOLDEN / name).rglob("*") if path.is_file() and path.suffix != ".pyc"}
@@ -40,16 +40,23 @@ def test_no_expected_file_is_missing_or_left_over(files: dict[Path, str]) -> Non
     assert set(files) - set(OWN.values()) - {TEXTS} == THERE, "`make golden` if this is meant"
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_same_model_gives_the_same_bytes_everywhere(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("seed", "locale"), [("0", "C"), ("1", "C.UTF-8")])
+def test_the_same_models_give_the_same_bytes_everywhere(
+    seed: str, locale: str, files: dict[Path, str], tmp_path: Path
+) -> None:
     """Other folders, other hash seeds, other working directories, other locales."""
-    wanted = {artifact.path: artifact.text.encode() for artifact in artifacts(name)}
-    for number, locale in enumerate(("C", "C.UTF-8")):
-        cdsl = copied(name, tmp_path / f"folder {number}")
-        environment = {**os.environ, "PYTHONHASHSEED": str(number), "LC_ALL": locale, "PYTHONUTF8": "0"}
-        command = [sys.executable, "-m", "robocomp_py.cli.rcgen", str(cdsl)]
-        subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True)
-        assert {path: (cdsl.parent / path).read_bytes() for path in wanted} == wanted
+    models = {name: copied(name, tmp_path / f"folder {seed}" / name) for name in NAMES}
+    environment = {**os.environ, "PYTHONHASHSEED": seed, "LC_ALL": locale, "PYTHONUTF8": "0"}
+    command = [sys.executable, "-m", "robocomp_py.cli.rcgen", *map(str, models.values())]
+    subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True)
+    for name, cdsl in models.items():
+        wanted = {
+            path.relative_to(GOLDEN / name): text for path, text in files.items() if GOLDEN / name in path.parents
+        }
+        assert wanted
+        assert {path: (cdsl.parent / path).read_bytes() for path in wanted} == {
+            path: text.encode() for path, text in wanted.items()
+        }
 
 
 def test_a_second_run_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
