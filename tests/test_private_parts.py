@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,7 +73,10 @@ def own_names() -> set[str]:
 
 def of_instances(path: Path, own: set[str]) -> Iterator[str]:
     """Private attributes that are not among `own`."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    if own.issuperset(re.findall(r"\.\s*(_\w*)", text)):
+        return  # there are none, and parsing takes a while
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Attribute) and is_private(node.attr) and node.attr not in own:
             yield ast.unparse(node)
 
