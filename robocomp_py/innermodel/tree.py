@@ -43,12 +43,20 @@ class Node(NamedTuple):
     """Its attributes by name, defaults included."""
 
 
+_HERE: Array = np.eye(4)
+_HERE.flags.writeable = False
+
+
 class _Node:
-    """A node. `stamp` is the number of the change that last moved it within its parent."""
+    """A node. `stamp` is the number of the change that last moved it within its parent.
+
+    Copies of a tree have the same `values`: they are replaced, and not changed.
+    """
 
     __slots__ = (
         "children",
         "element",
+        "id",
         "is_set",
         "latest",
         "local",
@@ -62,21 +70,18 @@ class _Node:
 
     def __init__(self, tag: Tag, values: dict[str, Value], element: Element | None = None) -> None:
         self.tag, self.values, self.element = tag, values, element
+        self.id = str(values["id"])
         self.parent: _Node | None = None
         self.children: list[_Node] = []
         self.position = float(_number(values.get("position", 0.0)))
         """Of a joint: rad, or mm."""
         self.is_set = False
         """Whether a joint was moved since the tree was read."""
-        self.local = np.eye(4)
+        self.local = _HERE
         self.stamp = 0
-        self.world = np.eye(4)
+        self.world = _HERE
         self.latest = -1
         """The last change that `world` includes."""
-
-    @property
-    def id(self) -> str:
-        return str(self.values["id"])
 
 
 class Tree:
@@ -90,6 +95,8 @@ class Tree:
         self._nodes: dict[str, _Node] = {ROOT_ID: self._root}
         self._change = 0
         self._matrices: dict[tuple[str, str], tuple[float, ...]] = {}
+        self._tags: tuple[int, Mapping[str, str]] | None = None
+        """The number of the change at which they were looked for, and the tags."""
         self._model: Model | None = None
         self._prefixes: Mapping[str, Path] = {}
         self.problems: tuple[Problem, ...] = ()
@@ -122,8 +129,16 @@ class Tree:
     @property
     def ids(self) -> list[str]:
         """All ids, parents first."""
+        return list(self.tags)
+
+    @property
+    def tags(self) -> Mapping[str, str]:
+        """The tags of all nodes by their ids, parents first."""
         with self._lock:
-            return [node.id for node in _every(self._root)]
+            if self._tags is None or self._tags[0] != self._change:
+                found = {node.id: node.tag.name for node in _every(self._root)}
+                self._tags = self._change, MappingProxyType(found)
+            return self._tags[1]
 
     def __contains__(self, name: object) -> bool:
         return name in self._nodes
@@ -158,6 +173,20 @@ class Tree:
             element = self._found(name).element
             return element.place if element else None
 
+    def differences(self, other: Tree) -> set[str]:
+        """The ids of nodes that only one of the trees has, or that are not the same in both: in tag, parent, value,
+        or position of a joint. Children of a node that differs may be the same."""
+        with self._lock, other._lock:
+            found = self._nodes.keys() ^ other._nodes.keys()
+            for name in self._nodes.keys() - found:
+                one, two = self._nodes[name], other._nodes[name]
+                above = one.parent.id if one.parent else "", two.parent.id if two.parent else ""
+                is_same = one.tag is two.tag and above[0] == above[1]
+                is_same = is_same and (one.values is two.values or one.values == two.values)
+                if not is_same or (one.position, one.is_set) != (two.position, two.is_set):
+                    found.add(name)
+            return found
+
     # Where things are.
 
     def matrix(self, to: str, frame: str) -> Array:
@@ -168,6 +197,14 @@ class Tree:
         made = np.eye(4)
         made[:3] = np.array(self._matrix(to, frame)).reshape(3, 4)
         return made
+
+    def offset(self, name: str) -> Array:
+        """The pose of a joint that turns within its parent, at position 0, shape (4, 4)."""
+        with self._lock:
+            node = self._found(name)
+            if self._drops_offsets and node.is_set:
+                return np.eye(4)
+            return axes.pose(_three(node.values, "t"), axes.rotation(*_three(node.values, "r")))
 
     def rotation(self, to: str, frame: str) -> Array:
         """Shape (3, 3)."""
@@ -322,7 +359,7 @@ class Tree:
                     raise InnerModelError(f"`{name}`: {unknown(f'attribute of a {node.tag.name}', attribute, known)}")
                 if isinstance(value, (int, float)) and not math.isfinite(value) and attribute not in ("min", "max"):
                     raise InnerModelError(f"`{name}`: `{attribute}` would be {value}")
-            node.values.update({key: _plain(value) for key, value in values.items()})
+            node.values = {**node.values, **{key: _plain(value) for key, value in values.items()}}
             self._moved(node)
 
     # Changing the tree.
@@ -379,6 +416,7 @@ class Tree:
         with self._lock:
             made = Tree(drops_offsets=self._drops_offsets)
             made._model, made.problems, made._prefixes = self._model, self.problems, self._prefixes
+            made._change = self._change  # so that poses which are computed stay so
             for child in self._root.children:
                 made._copy(child, made._root)
             return made
@@ -401,7 +439,7 @@ class Tree:
                 for attribute in ("file", "texture"):
                     path = made.file(node.id, attribute) if node.values.get(attribute) else None
                     if path is not None:
-                        node.values[attribute] = str(path.resolve())
+                        node.values = {**node.values, attribute: str(path.resolve())}
             return next(iter(written(None, made._written(made._root)).values()))
 
     def save(self, path: Path | str | None = None) -> None:
@@ -429,9 +467,11 @@ class Tree:
             self._adopt(child, node)
 
     def _copy(self, node: _Node, parent: _Node) -> None:
-        made = _Node(node.tag, dict(node.values), node.element)
+        made = _Node.__new__(_Node)
+        made.tag, made.values, made.element, made.id = node.tag, node.values, node.element, node.id
         made.position, made.is_set, made.local = node.position, node.is_set, node.local
-        made.parent = parent
+        made.stamp, made.world, made.latest = node.stamp, node.world, node.latest
+        made.parent, made.children = parent, []
         parent.children.append(made)
         self._nodes[made.id] = made
         for child in node.children:

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -28,7 +29,7 @@ from ..innermodel.pictures import GREY, Pixels, colour_of
 from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
 from . import grippers, servos
-from .contacts import part
+from .contacts import grounds, part
 from .grippers import Gripper
 from .looks import Looks
 from .parameters import BASES, JOINTS, Parameters, checked
@@ -121,10 +122,19 @@ class Scene:
     """The numbers of cameras, in a model to be drawn."""
     displays: Mapping[str, int]
     """The numbers of the textures of displays, in a model to be drawn."""
+    made_by: Building = field(repr=False)
+    """From what `rebuilt` goes on."""
+
+    @property
+    def movable(self) -> list[str]:
+        """The nodes that can move within their parents, parents first."""
+        return [name.removeprefix(_PREFIX) for name in self.made_by.trees]
 
 
 @dataclass(slots=True)
-class _Building:
+class Building:
+    """A scene that is being made."""
+
     tree: Tree
     spec: mujoco.MjSpec
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -143,6 +153,8 @@ class _Building:
     """By the name of a body in MuJoCo: the name of the body at the top that carries it."""
     looks: Looks | None = None
     """Of a model that is drawn."""
+    grounds: set[tuple[str, str]] = field(default_factory=set)
+    """See `contacts.grounds`."""
 
 
 def build(
@@ -167,7 +179,7 @@ def build(
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.compiler.autolimits = False
     spec.compiler.degree = False
-    building = _Building(tree, spec, checked(tree, parameters or {}), without_meshes=without_meshes)
+    building = Building(tree, spec, checked(tree, parameters or {}), without_meshes=without_meshes)
     if shown is not None:
         building.looks = Looks(tree, spec, shown)
     world = spec.worldbody
@@ -187,7 +199,7 @@ def build(
     return _compiled(building)
 
 
-def _place(building: _Building, name: str, body: mujoco.MjsBody, within: Array) -> None:
+def _place(building: Building, name: str, body: mujoco.MjsBody, within: Array) -> None:
     """Add a node with all below it. `within` is the pose of its parent in `body`, in mm and our axes."""
     node = building.tree.node(name)
     if node.tag in JOINTS:
@@ -209,7 +221,7 @@ def _place(building: _Building, name: str, body: mujoco.MjsBody, within: Array) 
         _place(building, child, body, within)
 
 
-def _add_body(building: _Building, parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
+def _add_body(building: Building, parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
     """Motors carry the weight of the links of a robot, but not of what is part of a free body."""
     position, turn = _in_simulation(pose)
     made = parent.add_body(name=_PREFIX + name, pos=position, quat=_quaternion(turn))
@@ -218,12 +230,11 @@ def _add_body(building: _Building, parent: mujoco.MjsBody, name: str, pose: Arra
     return made
 
 
-def _add_joint(building: _Building, node: Node, parent: mujoco.MjsBody, within: Array) -> mujoco.MjsBody:
+def _add_joint(building: Building, node: Node, parent: mujoco.MjsBody, within: Array) -> mujoco.MjsBody:
     building.joints.append(node.id)
     axis = _UNIT[str(node.values["axis"])]
     if node.tag == "joint":
-        offset = axes.pose(_three(node, "t"), axes.rotation(*_three(node, "r")))
-        body = _add_body(building, parent, node.id, within @ offset)
+        body = _add_body(building, parent, node.id, within @ building.tree.offset(node.id))
         body.add_joint(
             name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(axis), armature=0.01
         )
@@ -235,7 +246,7 @@ def _add_joint(building: _Building, node: Node, parent: mujoco.MjsBody, within: 
     return body
 
 
-def _add_base(building: _Building, node: Node, parent: mujoco.MjsBody, within: Array) -> tuple[mujoco.MjsBody, Array]:
+def _add_base(building: Building, node: Node, parent: mujoco.MjsBody, within: Array) -> tuple[mujoco.MjsBody, Array]:
     """A base slides along x and z of its parent, and turns about y after the turn `rx` that its tag has."""
     building.bases.append(node.id)
     _, height, _ = _three(node, "t")
@@ -251,7 +262,7 @@ def _add_base(building: _Building, node: Node, parent: mujoco.MjsBody, within: A
     return body, axes.pose((0.0, 0.0, 0.0), axes.rotation(0.0, 0.0, roll))
 
 
-def _add_free(building: _Building, node: Node) -> mujoco.MjsBody:
+def _add_free(building: Building, node: Node) -> mujoco.MjsBody:
     """Free joints are allowed at the top only: the body has its pose in the world, and the tree keeps its parent."""
     body = _add_body(building, building.spec.worldbody, node.id, building.tree.matrix(ROOT_ID, node.id))
     body.gravcomp = 0.0
@@ -259,27 +270,29 @@ def _add_free(building: _Building, node: Node) -> mujoco.MjsBody:
     return body
 
 
-def _add_box(building: _Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
-    width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
-    position, turn = _in_simulation(within)
-    half = np.maximum((depth, width, height), 1e-6)
-    shape = _add_shape(
-        building,
-        node,
-        body,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half,
-        pos=position,
-        quat=_quaternion(turn),
-        rgba=colour_of(str(node.values["texture"])) or GREY,
-    )
+def _add_box(building: Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
+    made = _box(node, within)
+    shape = _add_shape(building, node, body, type=mujoco.mjtGeom.mjGEOM_BOX, **made)
     if building.looks:
         building.looks.dress(shape, node)
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * made["size"]
+    _, turn = _in_simulation(within)
+    building.boxes.setdefault(body.name, []).append(corners @ turn.T + made["pos"])
 
 
-def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
+def _box(node: Node, within: Array) -> dict[str, Any]:
+    """What the geom of a plane is made of."""
+    width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
+    position, turn = _in_simulation(within)
+    return {
+        "size": np.maximum((depth, width, height), 1e-6),
+        "pos": position,
+        "quat": _quaternion(turn),
+        "rgba": colour_of(str(node.values["texture"])) or GREY,
+    }
+
+
+def _add_mesh(building: Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
     path, scale = building.tree.file(node.id), _numbers(node.values["scale"])
     if path is None:
         if building.without_meshes:
@@ -306,7 +319,7 @@ def _add_mesh(building: _Building, node: Node, body: mujoco.MjsBody, within: Arr
     building.boxes.setdefault(body.name, []).append(corners @ turn.T + position)
 
 
-def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: Any) -> mujoco.MjsGeom:
+def _add_shape(building: Building, node: Node, body: mujoco.MjsBody, **made: Any) -> mujoco.MjsGeom:
     made |= {"name": _PREFIX + node.id}
     friction = _nearest(building, node, "friction")
     if friction is not None:
@@ -320,7 +333,7 @@ def _add_shape(building: _Building, node: Node, body: mujoco.MjsBody, **made: An
     return shape
 
 
-def _nearest(building: _Building, node: Node, key: str) -> float | None:
+def _nearest(building: Building, node: Node, key: str) -> float | None:
     """A parameter of a node, or of the next node above it that has it."""
     name = node.id
     while key not in building.parameters.get(name, {}):
@@ -330,7 +343,7 @@ def _nearest(building: _Building, node: Node, key: str) -> float | None:
     return building.parameters[name][key]
 
 
-def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tuple[str, Array]:
+def _made_mesh(building: Building, path: Path, scale: tuple[float, ...]) -> tuple[str, Array]:
     """The name of a mesh, and the corners of the box around it."""
     mesh = read_mesh(path, scale)
     points = axes.position_to_simulation(mesh.vertices)
@@ -340,7 +353,7 @@ def _made_mesh(building: _Building, path: Path, scale: tuple[float, ...]) -> tup
     return name, np.array(list(itertools.product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
 
 
-def _weigh(building: _Building, body: mujoco.MjsBody) -> None:
+def _weigh(building: Building, body: mujoco.MjsBody) -> None:
     """Give a body the inertia of the box around its shapes: MuJoCo wants one of each body that moves."""
     node = building.tree.node(body.name.removeprefix(_PREFIX))
     usual, least = (_BASE_MASS, _LEAST_BASE) if node.tag in BASES else (_MASS, _LEAST_EXTENT)
@@ -354,12 +367,13 @@ def _weigh(building: _Building, body: mujoco.MjsBody) -> None:
     body.explicitinertial = True
 
 
-def _compiled(building: _Building) -> Scene:
+def _compiled(building: Building) -> Scene:
     tree, model = building.tree, _model(building.spec)
     start = _start(building, model)
     driving = {_PREFIX + name for name in building.bases}
-    if not building.looks and part(building.spec, model, start, building.trees, building.fixed, driving):
-        model = _model(building.spec)
+    if not building.looks:
+        is_apart, building.grounds = part(building.spec, model, start, building.trees, building.fixed, driving)
+        model = _model(building.spec) if is_apart else model
     frames = {}
     for name, (body, pose) in building.frames.items():
         position, turn = _in_simulation(pose)
@@ -368,17 +382,107 @@ def _compiled(building: _Building) -> Scene:
     joints = {name: _joint(model, tree.node(name)) for name in building.joints}
     forces = {_PREFIX + name: values["force"] for name, values in building.parameters.items() if "force" in values}
     servos.tune(model, start, forces)
-    reaches = {name: values["suction"] / 1000.0 for name, values in building.parameters.items() if "suction" in values}
-    held = {name: _gripper(building, model, name, reach) for name, reach in reaches.items()}
+    held = _grippers(building, model)
     looks = building.looks
-    shapes = tuple(model.geom(number).name.removeprefix(_PREFIX) for number in range(0 if looks else model.ngeom))
-    stops = np.array([bool(tree.node(name).values["collide"]) for name in shapes], dtype=bool)
+    shapes, stops = ((), np.zeros(0, dtype=bool)) if looks else _shapes_of(tree, model)
     eyes = {name: model.camera(_PREFIX + name).id for name in looks.lenses} if looks else {}
     displays = {name: model.texture(picture).id for name, picture in looks.displays.items()} if looks else {}
-    return Scene(model, frames, bases, joints, start, shapes, stops, tree, held, eyes, displays)
+    return Scene(model, frames, bases, joints, start, shapes, stops, tree, held, eyes, displays, building)
 
 
-def _free(building: _Building, body: str) -> dict[str, str]:
+def _grippers(building: Building, model: mujoco.MjModel) -> dict[str, Gripper]:
+    reaches = {name: values["suction"] / 1000.0 for name, values in building.parameters.items() if "suction" in values}
+    return {name: _gripper(building, model, name, reach) for name, reach in reaches.items()}
+
+
+def _shapes_of(
+    tree: Tree, model: mujoco.MjModel, known: Mapping[str, bool] = MappingProxyType({})
+) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
+    """The nodes of the geoms, and which of them stop bases; of some, the latter is known."""
+    kind = mujoco.mjtObj.mjOBJ_GEOM
+    shapes = tuple(mujoco.mj_id2name(model, kind, each).removeprefix(_PREFIX) for each in range(model.ngeom))
+    stops = (known[name] if name in known else bool(tree.node(name).values["collide"]) for name in shapes)
+    return shapes, np.fromiter(stops, dtype=bool, count=model.ngeom)
+
+
+def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> Scene | None:
+    """The scene of another tree, if only what stands still has changed; else None: `build` makes it.
+
+    It takes a tenth of the time, since the parts that are the same are not made again. Raises InnerModelError.
+    """
+    before = scene.made_by
+    changed = before.tree.differences(tree)
+    if before.looks or checked(tree, parameters or {}) != before.parameters:
+        return None
+    moved = _standing(before, tree, changed)
+    if moved is None:
+        return None
+    spec = before.spec.copy()
+    building = replace(before, tree=tree, spec=spec, frames=dict(before.frames), boxes={}, fixed=dict(before.fixed))
+    frames = dict(scene.frames)
+    for name in changed:
+        if name not in tree:
+            if building.fixed.pop(_PREFIX + name, None):
+                spec.delete(spec.geom(_PREFIX + name))
+            del frames[name], building.frames[name]
+    for name in moved:
+        node, pose = tree.node(name), tree.matrix(ROOT_ID, name)
+        position, turn = _in_simulation(pose)
+        building.frames[name], frames[name] = ("world", pose), Frame(0, turn, position)
+        shape = spec.geom(_PREFIX + name)
+        if shape is not None:
+            is_box = node.tag in ("plane", "display")
+            for key, value in (_box(node, pose) if is_box else {"pos": position, "quat": _quaternion(turn)}).items():
+                setattr(shape, key, value)
+        elif node.tag in ("plane", "display"):
+            _add_box(building, node, spec.worldbody, pose)
+    model = _model(spec)
+    driving = {_PREFIX + name for name in building.bases}
+    if grounds(model, scene.start, building.trees, driving) != before.grounds:
+        return None
+    for each in ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited", "actuator_forcerange"):
+        getattr(model, each)[:] = getattr(scene.model, each)  # what they move has not changed
+    bases = {name: replace(each, shapes=_shapes(model, _PREFIX + name)) for name, each in scene.bases.items()}
+    known = {name: stops for name, stops in zip(scene.shapes, scene.stops.tolist(), strict=True) if name not in changed}
+    shapes, stops = _shapes_of(tree, model, known)
+    held = _grippers(building, model)
+    return Scene(model, frames, bases, scene.joints, scene.start, shapes, stops, tree, held, {}, {}, building)
+
+
+def _standing(before: Building, tree: Tree, changed: set[str]) -> list[str] | None:
+    """The nodes that have changed, with all below them; None if one of them moves, or needs more than a new box."""
+    has_friction = any("friction" in values for values in before.parameters.values())
+    for name in changed:
+        if name not in before.tree:
+            continue
+        old = before.tree.node(name)
+        if not _is_plain(before, old) or (name in tree and tree.node(name).tag != old.tag):
+            return None
+        if has_friction and name in tree and tree.parent(name) != old.parent:
+            return None
+    moved: dict[str, None] = {}
+    waiting = [name for name in changed if name in tree]
+    while waiting:
+        name = waiting.pop()
+        node = tree.node(name)
+        if name in moved:
+            continue
+        if not _is_plain(before, node, is_new=name in changed):
+            return None
+        moved[name] = None
+        waiting += node.children
+    return list(moved)
+
+
+def _is_plain(before: Building, node: Node, *, is_new: bool = True) -> bool:
+    """Whether a node stands still, and no robot touches it at the beginning. A mesh that is new is not plain."""
+    if node.tag in (*BASES, *JOINTS) or node.values.get("engine") == "bullet" or (is_new and node.tag == "mesh"):
+        return False
+    above, _ = before.frames.get(node.parent, ("world", None))
+    return above == "world" and all(shape != _PREFIX + node.id for _, shape in before.grounds)
+
+
+def _free(building: Building, body: str) -> dict[str, str]:
     """The bodies that move freely, by their ids; without that which carries a body."""
     own = building.trees.get(body)
     return {
@@ -388,7 +492,7 @@ def _free(building: _Building, body: str) -> dict[str, str]:
     }
 
 
-def _gripper(building: _Building, model: mujoco.MjModel, name: str, reach: float) -> Gripper:
+def _gripper(building: Building, model: mujoco.MjModel, name: str, reach: float) -> Gripper:
     below = {name}
     for each in building.tree.ids:  # parents first
         if building.tree.node(each).parent in below:
@@ -406,7 +510,7 @@ def _model(spec: mujoco.MjSpec) -> mujoco.MjModel:
         raise InnerModelError(f"MuJoCo refuses the scene: {exc}") from exc
 
 
-def _start(building: _Building, model: mujoco.MjModel) -> Array:
+def _start(building: Building, model: mujoco.MjModel) -> Array:
     """The vector of positions as the file has them."""
     start: Array = model.qpos0.copy()
     for name in building.bases:

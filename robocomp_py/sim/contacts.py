@@ -23,8 +23,8 @@ def part(
     trees: Mapping[str, str],
     fixed: Mapping[str, tuple[mujoco.MjsGeom, dict[str, Any]]],
     driving: Set[str],
-) -> bool:
-    """Exclude contacts in a model that is about to be compiled again; whether there are any.
+) -> tuple[bool, set[tuple[str, str]]]:
+    """Exclude contacts in a model that is about to be compiled again; whether there are any, and `grounds` of it.
 
     `start` are the positions at the beginning, `trees` the top of each body, `fixed` the shapes of the world, and
     `driving` the bodies of bases.
@@ -33,17 +33,17 @@ def part(
     pairs = [
         pair for pair in itertools.combinations(trees, 2) if trees[pair[0]] == trees[pair[1]] and shaped >= {*pair}
     ]
-    grounds = _grounds(model, start, trees, driving)
-    for shape in sorted({shape for _, shape in grounds}):
+    touched = grounds(model, start, trees, driving)
+    for shape in sorted({shape for _, shape in touched}):
         geom, made = fixed[shape]
         spec.delete(geom)
         spec.worldbody.add_body(name=shape).add_geom(**made)
-    for one, other in (*pairs, *sorted(grounds)):
+    for one, other in (*pairs, *sorted(touched)):
         spec.add_exclude(bodyname1=one, bodyname2=other)
-    return bool(pairs or grounds)
+    return bool(pairs or touched), touched
 
 
-def _grounds(model: mujoco.MjModel, start: Array, trees: Mapping[str, str], driving: Set[str]) -> set[tuple[str, str]]:
+def grounds(model: mujoco.MjModel, start: Array, trees: Mapping[str, str], driving: Set[str]) -> set[tuple[str, str]]:
     """Bodies of robots, and shapes of the world that they touch at the beginning.
 
     What a base drives on may have several parts: all that is as low as what is under its origin.
@@ -51,7 +51,7 @@ def _grounds(model: mujoco.MjModel, start: Array, trees: Mapping[str, str], driv
     data = mujoco.MjData(model)
     data.qpos[:] = start
     mujoco.mj_kinematics(model, data)
-    still = np.flatnonzero(model.geom_bodyid == 0)
+    still = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
     low, high = _extents(model, data, still)
     found = set()
     for body in trees:

@@ -197,7 +197,7 @@ def pieces(
 
 def cameras(tree: Tree) -> list[str]:
     """The nodes that take pictures: those that have a width."""
-    return [name for name in tree.ids if tree.node(name).tag in CAMERAS and tree.node(name).values["width"] != 0]
+    return [name for name, tag in tree.tags.items() if tag in CAMERAS and tree.node(name).values["width"] != 0]
 
 
 def lens_of(node: Node) -> Lens:

@@ -29,7 +29,7 @@ from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed, between, moved
-from .build import build
+from .build import Scene, build, rebuilt
 from .devices.imu import Inertia, Inertial
 from .devices.imu import read as read_imu
 from .devices.laser import Laser
@@ -41,7 +41,7 @@ from .joints import At, Motor, To
 from .joints import moved as motor_moved
 from .looks import cameras, lens_of
 from .noise import normal
-from .parameters import BASES, JOINTS, Parameters
+from .parameters import Parameters
 from .render import View
 from .servos import lag
 from .speeds import Truth, speed_of, truth, update_speeds
@@ -145,28 +145,27 @@ class World:
         self._noise: dict[str, float] = {}
         self.reset(seed)
 
-    def _equip(self, parameters: Parameters) -> None:
-        """Make the model of the tree, and the devices of the tree in it."""
+    def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
+        """Make the model of the tree, from the scene before it if that is enough, and the devices in it."""
         tree = self._tree
-        self._scene = build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
-        nodes = [tree.node(name) for name in tree.ids]
+        made = rebuilt(before, tree, parameters) if before else None
+        self._scene = made or build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
+        tags = tree.tags
         self._lasers = {
-            node.id: Laser(node, self._scene.frames[node.id])
-            for node in nodes
-            if node.tag == "laser" and node.values["measures"] != 0
+            name: Laser(node, self._scene.frames[name])
+            for name, tag in tags.items()
+            if tag == "laser" and (node := tree.node(name)).values["measures"] != 0
         }
         self._lidars = {
             name: Lidar(tree.node(name), self._scene.frames[name], parameters[name])
             for name in self._lasers
             if is_lidar(parameters.get(name, {}))
         }
-        self._movable = [
-            each.id for each in nodes if each.tag in (*BASES, *JOINTS) or each.values.get("engine") == "bullet"
-        ]
+        self._movable = list(self._scene.movable)
         self._lenses = {name: lens_of(tree.node(name)) for name in cameras(tree)}
-        self._displays = dict.fromkeys(each.id for each in nodes if each.tag == "display")
-        self._imus = {each.id: self._scene.frames[each.id] for each in nodes if each.tag == "imu"}
-        self._touches = {each.id: Touch(tree, each.id, self._scene) for each in nodes if each.tag == "touchsensor"}
+        self._displays = dict.fromkeys(name for name, tag in tags.items() if tag == "display")
+        self._imus = {name: self._scene.frames[name] for name, tag in tags.items() if tag == "imu"}
+        self._touches = {name: Touch(tree, name, self._scene) for name, tag in tags.items() if tag == "touchsensor"}
         if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
 
@@ -208,7 +207,7 @@ class World:
         parameters = {name: values for name, values in self._parameters.items() if name in tree}
         try:
             self._tree = tree
-            self._equip(parameters)
+            self._equip(parameters, before._scene)
             self._data = mujoco.MjData(self._scene.model)
             self._data.qpos[:] = self._scene.start
             carry(before._scene, before._data, self._scene, self._data)
