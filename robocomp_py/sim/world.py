@@ -12,6 +12,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
+import operator
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -143,6 +144,8 @@ class World:
         self._drives: dict[str, Drive] = {}
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
+        self._told: dict[str, Motor | Speed] = {}
+        """What the servos of joints and bases were told last: it is still in the vector of controls."""
         self.reset(seed)
 
     def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
@@ -177,7 +180,7 @@ class World:
         self._seed = self._seed if seed is None else seed
         mujoco.mj_resetData(self._scene.model, self._data)
         self._data.qpos[:] = self._scene.start
-        self._ticks = 0
+        self._ticks, self._told = 0, {}
         self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         self._inertias = dict.fromkeys(self._imus, Inertia())
         self._noise = self._usual_noise()
@@ -211,6 +214,7 @@ class World:
             self._data = mujoco.MjData(self._scene.model)
             self._data.qpos[:] = self._scene.start
             carry(before._scene, before._data, self._scene, self._data)
+            self._told = {}
             self._update()
             for name, pose in (placed or {}).items():
                 self._set_pose(name, pose)
@@ -334,6 +338,7 @@ class World:
         The data are copied whole: a vector of the state does not tell which bodies sleep.
         """
         mujoco.mj_copyData(self._data, self._scene.model, other._data)
+        self._told = dict(other._told)
         self._ticks, self._seed, self._physics = other._ticks, other._seed, other._physics
         self._has_speeds = other._has_speeds
         self._drives = {name: replace(drive) for name, drive in other._drives.items()}
@@ -687,8 +692,10 @@ class World:
 
     def touching(self) -> list[tuple[str, str]]:
         """The pairs of shapes that touched in the last tick, each once; without those of bodies that sleep."""
-        shapes = self._scene.shapes
-        pairs = {tuple(pair) for pair in self._data.contact.geom[self._pressing(self._data)].tolist()}
+        shapes, pressing = self._scene.shapes, self._pressing(self._data)
+        if not pressing:
+            return []
+        pairs = {tuple(pair) for pair in self._data.contact.geom[pressing].tolist()}
         return sorted((min(shapes[a], shapes[b]), max(shapes[a], shapes[b])) for a, b in pairs)
 
     def distance(self, one: str, other: str) -> float:
@@ -741,36 +748,42 @@ class World:
 
     def _act(self) -> None:
         """Let physics move everything for a tick."""
+        told, ctrl = self._told, self._data.ctrl
         for name, motor in self._motors.items():
-            joint = self._scene.joints[name]
-            self._data.ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
-        told = {}
+            if told.get(name) is not motor:
+                joint = self._scene.joints[name]
+                ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
+                told[name] = motor
+        began = {}
         for name, drive in self._drives.items():
-            self._expire(name, drive)
-            base, factors = self._scene.bases[name], self._factors(name)
-            told[name] = self._pose(name), factors
-            ahead, aside, turn = (one * factor for one, factor in zip(drive.speed, factors, strict=True))
-            self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
+            began[name] = pose = self._pose(name)
+            self._expire(drive, pose)
+            if told.get(name) is not drive.speed or name in self._noise:
+                ahead, aside, turn = map(operator.mul, drive.speed, self._factors(name))
+                servo = self._scene.bases[name].servo
+                ctrl[servo : servo + 3] = ahead / 1000.0, aside / 1000.0, turn
+                told[name] = drive.speed
         mujoco.mj_step(self._scene.model, self._data)
         warnings = self._data.warning.number
         if warnings[_BAD_POSITION] or warnings[_BAD_VELOCITY] or warnings[_BAD_ACCELERATION]:
             raise SimulationError(
                 f"physics became unstable after {self.time:.3f} s: shapes may overlap, or masses may differ too much"
             )
-        for name, (before, factors) in told.items():
-            drive, after = self._drives[name], self._pose(name)
+        for name, before in began.items():
+            after = self._pose(name)
             if after == before:
                 continue
-            did = between(before, after, self._tick)
-            by_wheels = Speed(*(one / factor for one, factor in zip(did, factors, strict=True)))
+            drive, did = self._drives[name], between(before, after, self._tick)
+            by_wheels = Speed(*map(operator.truediv, did, self._factors(name)))
+            is_corrected = drive.corrected != drive.odometry
             drive.odometry = moved(drive.odometry, by_wheels, self._tick)
-            drive.corrected = moved(drive.corrected, by_wheels, self._tick)
+            drive.corrected = moved(drive.corrected, by_wheels, self._tick) if is_corrected else drive.odometry
 
-    def _expire(self, name: str, drive: Drive) -> None:
+    def _expire(self, drive: Drive, pose: Pose) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
         if drive.expires is not None and self._ticks > drive.expires:
             drive.speed, drive.expires = Speed(), None
-        if any(drive.speed) and max(map(abs, (*self._pose(name), *drive.odometry, *drive.corrected))) > _FARTHEST:
+        if any(drive.speed) and max(map(abs, (*pose, *drive.odometry, *drive.corrected))) > _FARTHEST:
             drive.speed, drive.expires = Speed(), None
 
     def _factors(self, name: str) -> tuple[float, ...]:
@@ -782,10 +795,11 @@ class World:
         return tuple(np.copysign(np.maximum(np.abs(factors), _LEAST_FACTOR), factors).tolist())
 
     def _advance(self, name: str, drive: Drive) -> None:
-        self._expire(name, drive)
+        before = self._pose(name)
+        self._expire(drive, before)
         if not any(drive.speed):
             return
-        base, before, factors = self._scene.bases[name], self._pose(name), self._factors(name)
+        base, factors = self._scene.bases[name], self._factors(name)
         speed = Speed(*(one * factor for one, factor in zip(drive.speed, factors, strict=True)))
         if base.collides:
             depths = self._depths(name)
@@ -812,9 +826,8 @@ class World:
         return found
 
     def _pose(self, base: str) -> Pose:
-        found = self._scene.bases[base]
-        x, z, turn = self._data.qpos[[found.x, found.z, found.turn]].tolist()
-        return Pose(x * 1000.0, z * 1000.0, turn)
+        found, places = self._scene.bases[base], self._data.qpos
+        return Pose(float(places[found.x]) * 1000.0, float(places[found.z]) * 1000.0, float(places[found.turn]))
 
     def _place(self, base: str, pose: Pose) -> None:
         found = self._scene.bases[base]
