@@ -14,6 +14,7 @@ import pytest
 from robocomp_py import connect
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.errors import DeclaredError, RemoteFailure
+from robocomp_py.sim.editing import MOST_NOTES
 from robocomp_py.testing.components import ComponentTest, load_component
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import find_transport
@@ -220,6 +221,35 @@ def test_an_attribute_is_added_once(house: ComponentTest) -> None:
     with pytest.raises(Exception, match=r"has an attribute `colour` already") as refused:
         call(house, "addAttribute", "wall", "colour", "string", "red")
     assert refused.value.err.name == "AttributeAlreadyExists"  # type: ignore[attr-defined]
+
+
+def test_a_node_has_no_more_attributes_than_that(house: ComponentTest) -> None:
+    for number in range(MOST_NOTES):
+        call(house, "addAttribute", "wall", f"note{number}", "string", "")
+    with pytest.raises(Exception, match=r".") as refused:
+        call(house, "addAttribute", "wall", "colour", "string", "red")
+    error: Any = refused.value
+    assert (error.err.name, error.text) == ("InternalError", "`wall` has 1000 attributes, and cannot have more")
+    assert call(house, "removeAttribute", "wall", "note7")
+    assert call(house, "addAttribute", "wall", "colour", "string", "red")
+
+
+def test_a_scene_that_can_no_longer_be_simulated_is_left_as_it_was(house: ComponentTest, folder: Path) -> None:
+    """A mesh that was there when it was added, and is gone when it takes effect."""
+    tick(house)
+    before, path = house.worker.world.digest(), folder.parent / "brief.obj"
+    path.write_text(WEDGE)
+    mesh = made(house, "meshType", scaleX=1.0, scaleY=1.0, scaleZ=1.0, meshPath="brief.obj")
+    assert call(house, "addMesh", "cup", "world", mesh)
+    path.unlink()
+    with pytest.raises(Exception, match=r".") as refused:
+        call(house, "getPose", "world", "base")
+    error: Any = refused.value
+    assert error.err.name == "InternalError"
+    assert "`cup`: there is no file `brief.obj`" in error.text
+    assert "cup" not in {each.id for each in call(house, "getAllNodeInformation")}
+    assert call(house, "getPose", "world", "base")[0]
+    assert house.worker.world.digest() == before
 
 
 def test_calls_that_declare_no_error_fail_with_a_text(house: ComponentTest) -> None:

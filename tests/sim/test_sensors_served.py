@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -82,3 +83,17 @@ def test_sensors_are_published(component: ComponentTest, house: Any) -> None:
     component.wait_for(lambda: component.received("fullposeestimationpub.newFullPose"))
     [(imu, *_)] = component.received("imupub.publish")[-1:]
     assert imu.acc.YAcc == pytest.approx(9.81, abs=1)
+
+
+def test_conventions_of_robocomp_can_be_had(tmp_path: Path) -> None:
+    """The sign of accelerations; and a joint that is provided loses its offset, since it is moved to its home."""
+    joint = '<joint id="pan" tz="100"><translation id="lens" ty="50"/></joint>'
+    (tmp_path / "room.xml").write_text(SCENE.replace('<imu id="gyro"/>', f'<imu id="gyro"/>{joint}'))
+    assert rc(["sim", "new", str(tmp_path / "room.xml"), "-o", str(tmp_path / "house")]) == 0
+    made = load_component(tmp_path / "house")
+    for compat, sign, offset in (("none", 1.0, 100.0), ("robocomp", -1.0, 0.0)):
+        with ComponentTest(made, {"params.compat": compat}, virtual=True) as house:
+            assert house.worker.imu["gyro"].getAcceleration().YAcc == pytest.approx(9.81 * sign)
+            assert house.worker.world.matrix("lens", "chair")[:3, 3] == pytest.approx((0, 50, offset), abs=1e-6)
+            assert house.worker.world.tree.matrix("chair", "lens")[:3, 3] == pytest.approx((0, 50, offset))
+        assert house.fine

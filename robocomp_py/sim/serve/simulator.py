@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ...contract.component import Port
 from ...contract.interface import Interface
@@ -69,19 +69,21 @@ class Simulator(Controlled, Managed):
         """Read the scene, and add its devices. Raises ConfigurationError for a scene that cannot be simulated."""
         path = Path(inspect.getfile(type(self))).parent / self.params.scene
         tree = Tree()
+        compat: Literal["", "robocomp"] = "robocomp" if getattr(self.params, "compat", "") == "robocomp" else ""
         try:
-            tree = Tree.read(Path(os.path.normpath(path)))
+            tree = Tree.read(Path(os.path.normpath(path)), drops_offsets=bool(compat))
             for problem in tree.problems:
                 log.warning("%s", problem)
             self._tree, self._motors = tree, motors(tree)
             offers(tree)
-            self._go_home()
+            self._go_home(all_joints=bool(compat))
             self.world = World(
                 self._tree,
                 seed=self.params.seed,
                 without_meshes=self.params.without_meshes,
                 physics=self.params.physics,
                 parameters=self._parameters(),
+                compat=compat,
             )
         except InnerModelError as exc:
             raise ConfigurationError(_told(exc, tree)) from exc
@@ -151,8 +153,8 @@ class Simulator(Controlled, Managed):
             for each in self.params.bodies
         }
 
-    def _go_home(self) -> None:
-        """Put joints whose file names a `home` there, if they are provided."""
+    def _go_home(self, *, all_joints: bool) -> None:
+        """Put joints whose file names a `home` there, if they are provided; or else all that are provided, to 0."""
         for port in self.component.named:
             if port.interface.short != "JointMotor":
                 continue
@@ -160,7 +162,8 @@ class Simulator(Controlled, Managed):
                 for joint in joints if getattr(self, port.attribute).is_declared(name) else ():
                     node = self._tree.node(joint)
                     update = self._tree.update_joint if node.tag == "joint" else self._tree.update_prismatic
-                    if home := float(str(node.values["home"])):
+                    home = float(str(node.values["home"]))
+                    if home or all_joints:
                         update(joint, home)
 
     def _handler(self, interface: Interface, name: str) -> InstanceHandler:
