@@ -82,8 +82,9 @@ def _without_command(given: Sequence[str]) -> int:
     _refuse([word for word in rest if word.startswith("-")], made, "")
     if options.imported:
         return import_network(options.imported, options.output)
-    if len(words) == 2:
-        proposal = did_you_mean(words[0], COMMANDS) or f"there are: {', '.join(COMMANDS)}"
+    meant = _ELSEWHERE.get(words[0], "") if words and not Path(words[0]).exists() else ""
+    if len(words) == 2 or meant:
+        proposal = did_you_mean(meant or words[0], COMMANDS) or f"there are: {', '.join(COMMANDS)}"
         made.error(f"no command `{words[0]}`; {proposal}")
     if len(words) != 1:
         made.error("give it one network (.ddsl)")
@@ -92,6 +93,10 @@ def _without_command(given: Sequence[str]) -> int:
     except argparse.ArgumentTypeError as exc:
         made.error(str(exc))
     return up.run(options)
+
+
+_ELSEWHERE = {"stop": "down", "kill": "down", "start": "up", "run": "up", "ps": "status", "list": "status"}
+"""What our commands are called in other programs."""
 
 
 def _parser(words: str = "*") -> Parser:

@@ -19,7 +19,6 @@ from .live import COMPONENT, EXIT_STATUS, Absent, add_json, add_middleware, comp
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from ..runtime.RoboCompIntrospection import Description, Measures
     from ..tools.access import Access
     from ..tools.measure import Load, Operation
     from .hosts import Hosts
@@ -77,24 +76,20 @@ def run(options: argparse.Namespace) -> int:
 def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterator[list[Load]]:
     """What there is, one look after the other. Raises Absent if nothing tells at the first."""
     from ..tools import asking
-    from ..tools.measure import load
+    from ..tools.lookout import Rounds
 
-    abouts: dict[str, Description | None] = {}
-    before: dict[str, Measures] = {}
+    rounds = Rounds(access)
     begun, number = time.monotonic(), 0
     while True:
         network = hosts.census(options.middleware)
         names = components_named(asking.components(network), options.components)
-        now = asking.measure_all(access, network, names, min(asking.DEADLINE, max(options.every, 0.2)))
-        for name in now:
-            if name not in before or now[name].awake < before[name].awake:
-                abouts[name] = asking.describe(access, network, name)
-        if not now and not number:
+        told = rounds.ask(network, names, min(asking.DEADLINE, max(options.every, 0.2)))
+        if not told and not number:
             raise Absent("no component here tells what it does; `rc list` shows what runs")
         where = asking.hosts(network)
-        loads = [load(name, told, before.get(name), abouts[name]) for name, told in sorted(now.items())]
+        loads = [each.now for each in told.values()]
         yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
-        before, number = now, number + 1
+        number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
             return
         time.sleep(max(0.0, begun + number * options.every - time.monotonic()))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
 from ..contract.types import LINEAGE, thrown
-from ..errors import RemoteFailure, RobocompError, Unreachable
+from ..errors import RemoteFailure, RobocompError, Timeout, Unreachable
 from ..runtime.calls import Call, Handler
 from ..transports import base
 from ..transports.base import (
@@ -94,23 +94,45 @@ class Access:
             caller.close()
 
     def ask_again(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
-        """The same for a query that is called again and again: its link stays open, until a call fails."""
+        """The same for a query that is called again and again: its link stays open, until a call fails. That a server
+        does not answer in time is no failure."""
         if channel.via:
             return far.asked(channel, values, deadline)
-        key = (channel.middlewares[0], channel.name, next(iter(channel.texts)))
+        key = _key(channel)
         with self._opening:
             kept = self._kept.pop(key, None)  # one thread uses it at a time
         caller, call = kept or self._caller(channel)
         try:
             result = _answer(caller, call, values, deadline)
+        except Timeout:
+            self._keep(key, caller, call)
+            raise
         except BaseException:
             caller.close()
             raise
+        self._keep(key, caller, call)
+        return result
+
+    def keep(self, channels: Iterable[Channel]) -> None:
+        """Open the links of queries for `ask_again`, and announce them together: each announcement makes every
+        component look. What cannot be opened now is tried again when it is asked."""
+        with self._opening:
+            missing = {_key(each): each for each in channels if not each.via and _key(each) not in self._kept}
+        with contextlib.ExitStack() as together:
+            gathering: set[int] = set()
+            for key, channel in missing.items():
+                with contextlib.suppress(RobocompError, ValueError):
+                    transport = self._of(channel)
+                    if id(transport) not in gathering:
+                        gathering.add(id(transport))
+                        together.enter_context(base.gathering(transport))
+                    self._keep(key, *self._caller(channel))
+
+    def _keep(self, key: tuple[str, str, int], caller: Caller, call: Call[Any]) -> None:
         with self._opening:
             before, self._kept[key] = self._kept.get(key), (caller, call)
         if before:
             before[0].close()
-        return result
 
     def send(self, channel: Channel, values: tuple[Any, ...], timeout: float, deadline: float) -> None:
         """Send a command, once a server is visible, which it must be within `timeout` seconds.
@@ -190,6 +212,10 @@ class Access:
                 self._transports[key] = transport = find_transport(middleware)(config)
                 self._end.callback(transport.close)
             return self._transports[key]
+
+
+def _key(channel: Channel) -> tuple[str, str, int]:
+    return channel.middlewares[0], channel.name, next(iter(channel.texts))
 
 
 def _answer(caller: Caller, call: Call[Any], values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:

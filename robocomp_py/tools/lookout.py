@@ -53,11 +53,8 @@ class Lookout:
         *,
         except_pid: int = 0,
     ) -> None:
-        self._access, self._plan, self._see = access, plan, see
-        self._except = except_pid
-        self._measured: dict[str, Measures] = {}
-        self._loads: dict[str, Load] = {}
-        self._abouts: dict[str, Description | None] = {}
+        self._plan, self._see, self._except = plan, see, except_pid
+        self._rounds = Rounds(access)
 
     def look(self) -> Look:
         """Takes about a second if a component does not answer. Raises RobocompError."""
@@ -69,19 +66,45 @@ class Lookout:
         except ValueError as exc:
             raise ConfigurationError(f"{exc}; start the network again") from exc
         names = asking.components(network)
-        told = self._ask(network, names)
+        told = self._rounds.ask(network, names, _PATIENCE)
         silent = frozenset(names) - set(told)
         return Look(drift, told, silent, flows(drift, told), plan, tuple(seen.troubles), time.time())
 
-    def _ask(self, network: Network, names: Sequence[str]) -> dict[str, Told]:
-        now = asking.measure_all(self._access, network, names, _PATIENCE)
+
+_ASKED = "describe", "measure"
+"""What a new component is asked."""
+
+
+class Rounds:
+    """Asks components what they have counted, again and again. For one thread."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+        self._measured: dict[str, Measures] = {}
+        self._loads: dict[str, Load] = {}
+        self._abouts: dict[str, Description | None] = {}
+        self._silent: dict[str, None] = {}
+        """Those that did not answer, beginning with the one that was asked first."""
+
+    def ask(self, network: Network, names: Sequence[str], patience: float) -> dict[str, Told]:
+        """What those of these components that answer tell, by their whole names in order, and what they told before.
+
+        Each has `patience` seconds. Of those that did not answer the last time, only some are asked in each round, so
+        that many that are stopped do not delay it for longer than that.
+        """
+        retried = [name for name in self._silent if name in names][: asking.AT_ONCE]
+        asked = [*(name for name in names if name not in self._silent), *retried]
+        asking.prepare(self._access, network, (name for name in asked if name not in self._measured), *_ASKED)
+        now = asking.measure_all(self._access, network, asked, patience)
+        again = {name: None for name in self._silent if name in names and name not in retried}
+        self._silent = again | {name: None for name in asked if name not in now}
         before, loads = self._measured, self._loads
         for name in now:
             if name not in before or now[name].awake < before[name].awake or not self._abouts.get(name):
-                self._abouts[name] = asking.describe(self._access, network, name, _PATIENCE)
+                self._abouts[name] = asking.describe(self._access, network, name, patience)
         self._measured = now
         self._loads = {
-            name: load(name, measures, before.get(name), self._abouts[name]) for name, measures in now.items()
+            name: load(name, measures, before.get(name), self._abouts[name]) for name, measures in sorted(now.items())
         }
         self._abouts = {name: about for name, about in self._abouts.items() if name in now}
         return {name: Told(each, loads.get(name), self._abouts[name]) for name, each in self._loads.items()}

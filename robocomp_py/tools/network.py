@@ -201,12 +201,16 @@ class Network:
 
     def stock(self, interface: str) -> list[Channel]:
         """The channels of an interface of the framework, also if these do not belong to the network."""
+        return [each for each in self.stocked.values() if names.segment(each.name) == interface]
+
+    @cached_property
+    def stocked(self) -> Mapping[str, Channel]:
+        """The channels of all interfaces of the framework, by name, also if these do not belong to the network."""
         found: dict[str, Channel] = {}
         for each in self._stock:
             name = each.told.channel
-            if names.segment(name) == interface:
-                found.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
-        return list(found.values())
+            found.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
+        return found
 
     def components(self, *, tools: bool = False) -> list[Running]:
         """In the order of their names; with `tools`, also commands such as `rc echo`."""

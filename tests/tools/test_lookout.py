@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import Any
@@ -10,11 +10,14 @@ from typing import Any
 import pytest
 
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.runtime.RoboCompIntrospection import Description, Measures
 from robocomp_py.testing.patience import wait_until
+from robocomp_py.tools import asking
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_each
 from robocomp_py.tools.drift import Presence
-from robocomp_py.tools.lookout import Look, Lookout
+from robocomp_py.tools.lookout import Look, Lookout, Rounds
+from robocomp_py.tools.network import Network
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator
@@ -74,3 +77,26 @@ def test_without_a_plan_everything_that_runs_is_there(access: Access) -> None:
 def test_a_plan_of_another_version_is_an_error(access: Access) -> None:
     with pytest.raises(ConfigurationError, match="is of another version"):
         Lookout(access, lambda: {"name": 1}, partial(take_each, ["shm"])).look()
+
+
+def test_those_that_did_not_answer_are_asked_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch, access: Access) -> None:
+    asked: list[list[str]] = []
+    answering = {"a", "b"}
+
+    def measured(_: Access, __: Network, names: Sequence[str], patience: float) -> dict[str, Measures]:
+        asked.append(list(names))
+        return {name: Measures() for name in names if name in answering}
+
+    monkeypatch.setattr(asking, "measure_all", measured)
+    monkeypatch.setattr(asking, "describe", lambda *_: Description())
+    monkeypatch.setattr(asking, "AT_ONCE", 2)
+    rounds = Rounds(access)
+
+    def ask() -> list[str]:
+        return list(rounds.ask(Network([]), ["a", "b", "c", "d", "e"], 1.0))
+
+    assert [ask(), ask(), ask(), ask()] == [["a", "b"]] * 4
+    assert asked == [["a", "b", "c", "d", "e"], ["a", "b", "c", "d"], ["a", "b", "e", "c"], ["a", "b", "d", "e"]]
+    answering.add("c")
+    assert ask() == ["a", "b", "c"]
+    assert asked[-1] == ["a", "b", "c", "d"]

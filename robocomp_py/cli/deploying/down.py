@@ -19,6 +19,7 @@ HELP = "stop a running network"
 _EXAMPLES = """\
 examples:
   rcdeploy down net.ddsl              stop everything in order, and wait until it is gone
+  rcdeploy down net                   ... of a network by its name, in whichever terminal it was started
   rcdeploy down net.ddsl --grace 0.5  ... kill what has not ended after half a second
   rcdeploy down net.ddsl --now        ... at once
 

@@ -333,7 +333,8 @@ class Requests:
         hearing = self._hearing(network)
         known = {each.name: [each] for several in hearing.values() for each in several} | hearing
         others = [name for name, each in channels.items() if each.pattern is Pattern.PUBLISH and name not in known]
-        name = _one([*known, *others], arguments, "topic")
+        whole = str(arguments.get("topic")).strip("/")
+        name = whole if whole in known else _one([*hearing, *others], arguments, "topic")
         self._check(name, known, "publication")
         if len(known[name]) > 1:
             raise Refused(f"{name} has several publishers; name one of {', '.join(each.name for each in known[name])}")

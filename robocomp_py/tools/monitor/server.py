@@ -12,10 +12,12 @@ import contextlib
 import hmac
 import json
 import logging
+import re
 import secrets
 import socket
 import threading
 import time
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -67,6 +69,8 @@ class Shown:
     picture: str = ""
     """SVG."""
     look: Mapping[str, Any] = field(default_factory=dict)
+    event: bytes = b""
+    """The look as all readers get it."""
 
 
 class Board:
@@ -78,6 +82,7 @@ class Board:
 
     def show(self, look: Mapping[str, Any], picture: str | None = None) -> None:
         """Tell all readers; without a picture, the last one stays."""
+        event = _event("look", look)
         with self._changed:
             before = self._shown
             new = picture is not None and picture != before.picture
@@ -86,6 +91,7 @@ class Board:
                 before.picture_number + new,
                 before.picture if picture is None else picture,
                 look,
+                event,
             )
             self._changed.notify_all()
 
@@ -304,23 +310,24 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             self.send_response(HTTPStatus.OK)
-            self._headers({"Content-Type": "text/event-stream"})
-            self.wfile.write(b"retry: 1000\n\n")
-            self._tell()
+            packs = "gzip" in re.split(r"[\s,;]+", self.headers.get("Accept-Encoding", ""))
+            self._headers({"Content-Type": "text/event-stream", **({"Content-Encoding": "gzip"} if packs else {})})
+            self._tell(_packed() if packs else bytes)
         finally:
             board.leave()
 
-    def _tell(self) -> None:
+    def _tell(self, pack: Callable[[bytes], bytes]) -> None:
         board = self.server.board
         shown = Shown()
+        self.wfile.write(pack(b"retry: 1000\n\n"))
         while not board.is_closed:
             newer = board.newer(shown.number, _QUIET_S)
             if newer is None:
-                self.wfile.write(b": still here\n\n")
+                self.wfile.write(pack(b": still here\n\n"))
                 continue
             if newer.picture_number != shown.picture_number:
-                self.wfile.write(_event("picture", newer.picture))
-            self.wfile.write(_event("look", newer.look))
+                self.wfile.write(pack(_event("picture", newer.picture)))
+            self.wfile.write(pack(newer.event))
             shown = newer
 
     def _answer(
@@ -346,6 +353,16 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, format: str, *arguments: Any) -> None:
         """Not on the terminal, which has the URL."""
         log.debug(format, *arguments)
+
+
+def _packed() -> Callable[[bytes], bytes]:
+    """What compresses the pieces of a stream, each so that it can be read at once."""
+    packer = zlib.compressobj(_FAST, zlib.DEFLATED, zlib.MAX_WBITS | _GZIP)
+    return lambda piece: packer.compress(piece) + packer.flush(zlib.Z_SYNC_FLUSH)
+
+
+_FAST, _GZIP = 1, 16
+"""The level of compression, and what makes zlib write gzip."""
 
 
 def _event(name: str, value: Any) -> bytes:

@@ -30,6 +30,8 @@ def watch(board: Board, look: Callable[[], Look], every_s: float) -> None:
             graph = picture(found)
             now = form(graph)
             last = told(found, graph, connections(found))
+            if drawn is None:
+                board.show(last)  # a large picture takes longer than the tables
             board.show(last, None if now == drawn else draw(graph))
             drawn = now
             pause_s = max(every_s, 2.0) if len(found.drift.instances) >= MANY else every_s

@@ -6,6 +6,7 @@ import contextlib
 import json
 import socket
 import threading
+import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from http.client import HTTPConnection, HTTPResponse
@@ -210,6 +211,24 @@ def test_a_reader_gets_what_is_shown_and_then_each_change(board: Board, server: 
         board.show({"at": 3}, "<svg>two\n\nlines</svg>")
         assert told(stream) == ("picture", "<svg>two\n\nlines</svg>")
         assert told(stream) == ("look", {"at": 3})
+
+
+def test_a_reader_that_unpacks_gets_each_change_at_once_and_in_fewer_octets(board: Board, server: Server) -> None:
+    unpacker = zlib.decompressobj(zlib.MAX_WBITS | 16)
+    with closing(asked(server, "/events", Accept_Encoding="br, gzip;q=1")) as stream:
+        assert stream.headers["Content-Encoding"] == "gzip"
+        heard, packed = b"", 0
+        for number in range(2):
+            board.show({"at": number, "components": [{"name": "world", "state": "compute"}] * 1000})
+            while not heard.endswith(b"}]}\n\n"):
+                piece = stream.read1(1 << 16)
+                assert piece, "the stream ended"
+                heard, packed = heard + unpacker.decompress(piece), packed + len(piece)
+            name, _, data = heard.strip().rpartition(b"data: ")
+            assert name.endswith(b"event: look\n")
+            assert json.loads(data)["at"] == number
+            assert packed < len(heard) / 10
+            heard, packed = b"", 0
 
 
 def test_there_are_at_most_sixteen_readers(board: Board, server: Server) -> None:

@@ -62,7 +62,7 @@ def test_the_picture_changes_only_with_its_form() -> None:
     now = [look_at(*ALL, flow=Flow(1.0))]
     with watched(lambda: now[0]) as board:
         assert board.enter()
-        first = shown(board, lambda it: it.look["texts"].get("edge-0-0") == "1.0/s")
+        first = shown(board, lambda it: it.picture_number > 0 and it.look["texts"].get("edge-0-0") == "1.0/s")
         now[0] = look_at(*ALL, flow=Flow(2.0, is_strained=True))
         second = shown(board, lambda it: it.look["texts"].get("edge-0-0") == "2.0/s")
         assert second.picture_number == first.picture_number
