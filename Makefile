@@ -2,7 +2,7 @@
 
 PYTHON ?= python3
 MIDDLEWARE ?= auto
-WORKERS ?= 3  # for two cores: most tests wait more than they compute
+WORKERS ?= 4  # for two cores: most tests wait more than they compute
 BIN = .venv/bin
 
 .PHONY: help demo test check format lint types fix golden docs test-tools vscode bench bench-check bench-peers fuzz faults faults-ci clean
