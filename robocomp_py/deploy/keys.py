@@ -26,7 +26,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -41,7 +41,7 @@ from . import certificates
 from .certificates import Certificate, Issued
 
 if TYPE_CHECKING:
-    from .plan import Plan
+    from .plan import Allowed, Plan
 
 DAYS = 365.0
 """Default validity of certificates, in days."""
@@ -66,7 +66,8 @@ class Made:
 def graph_of(plan: Plan, *, operator: bool = False) -> Graph:
     """The allow-list: the channels that the processes of a network are wired to, and nothing else.
 
-    With an operator, there is one more member, which may hear all topics and ask what components are and count.
+    With an operator, there is one more member, which may hear all topics, ask what components are and count, and call
+    what the network allows tools to call.
     """
     process_of = {instance: process.name for process in plan.processes for instance in process.instances}
     found = dict.fromkeys(
@@ -109,11 +110,33 @@ def _of_operator(plan: Plan, process_of: Mapping[str, str]) -> Iterator[Edge]:
         heard = [(channel, Verb.SUBSCRIBES) for channel in (*told, *ours.topics)]
         for channel, verb in (*asked, *heard):
             yield Edge(OPERATOR, provider, instance, channel, verb, channel)
+    for each in plan.allow:
+        for behind, verb in _PARTS.get(each.kind, ()) if each.instance in plan.ours else ():
+            channel = f"{_prefix(plan, each)}/{each.interface}/{each.operation}{behind}"
+            yield Edge(OPERATOR, process_of[each.instance], each.instance, channel, verb, channel)
+
+
+_PARTS: Mapping[str, Sequence[tuple[str, Verb]]] = {
+    "call": (("", Verb.REQUIRES),),
+    "goal": (
+        *((f"-{part}", Verb.REQUIRES) for part in ("start", "result", "cancel")),
+        *((f"-{part}", Verb.SUBSCRIBES) for part in ("feedback", "status")),
+    ),
+}
+"""What a client needs of what is allowed, by its kind. A publication needs the name of another publisher."""
+
+
+def _prefix(plan: Plan, allowed: Allowed) -> str:
+    """What the channel of an operation begins with. A named instance stands beside the one that offers it."""
+    channels = plan.ours[allowed.instance].channels
+    return "/".join(filter(None, (channels.rpartition("/")[0], allowed.named))) if allowed.named else channels
 
 
 def _observed(plan: Plan, principal: Principal) -> Principal:
     """A process that an operator looks at: all its instances provide something."""
-    own = [plan.ours[each].channels for each in principal.instances if each in plan.ours]
+    mine = [each for each in principal.instances if each in plan.ours]
+    own = [plan.ours[each].channels for each in mine]
+    own += [_prefix(plan, each) for each in plan.allow if each.instance in mine]
     return replace(principal, channels=tuple(dict.fromkeys((*principal.channels, *own))))
 
 

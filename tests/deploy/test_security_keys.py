@@ -22,7 +22,7 @@ from robocomp_py.deploy.keys import (
     numbers,
     troubles,
 )
-from robocomp_py.deploy.plan import Ours, Plan
+from robocomp_py.deploy.plan import Allowed, Ours, Plan
 from robocomp_py.errors import DeploymentError
 from robocomp_py.transports.keyfiles import read_public
 from robocomp_py.transports.permissions import OPERATOR
@@ -335,6 +335,24 @@ def test_an_operator_may_hear_all_topics_and_ask_what_components_are_and_nothing
     )
     assert "reply rc_ask/*/*/*/who" in rules["other"]
     assert "liveliness_token rc_lv/*/serves/*/*/*/0002$*/robot/other/**" in rules["other"]
+
+
+def test_an_operator_may_call_what_the_network_allows_tools_to_call() -> None:
+    allow = (Allowed("camera", "", "Everything", "divide", "call"), Allowed("other", "lens", "Focus", "turn", "goal"))
+    allow += (Allowed("viewer", "", "Everything", "news", "publication"),)
+    graph = graph_of(replace(watched(), allow=allow), operator=True)
+    without = graph_of(watched(), operator=True)
+    more = {(edge.channel, edge.verb) for edge in set(graph.uses(OPERATOR)) - set(without.uses(OPERATOR))}
+    assert more == {
+        ("robot/camera/Everything/divide", Verb.REQUIRES),
+        *((f"robot/lens/Focus/turn-{part}", Verb.REQUIRES) for part in ("start", "result", "cancel")),
+        *((f"robot/lens/Focus/turn-{part}", Verb.SUBSCRIBES) for part in ("feedback", "status")),
+    }
+    rules = allowed(access_control(graph, "", {"camera": 0xCA, "viewer": 1, "other": 2, OPERATOR: 3}))
+    assert "query rc/*/robot/camera/Everything/divide" in rules[OPERATOR]
+    assert "query rc/*/robot/camera/Everything/work" not in rules[OPERATOR]
+    assert "declare_queryable rc/*/robot/lens/**" in rules["other"]
+    assert graph_of(replace(watched(), allow=allow)) == graph_of(watched())
 
 
 def test_without_an_operator_no_rule_is_for_one(folder: Path) -> None:

@@ -37,8 +37,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--operator",
         action=argparse.BooleanOptionalAction,
-        help="also make, or remove, keys for tools such as rc echo: they may hear all topics, and ask components what "
-        "they are and count (default: as it is)",
+        help="also make, or remove, keys for tools such as rc echo: they may hear all topics, ask components what "
+        "they are and count, and call what `allow` in the network lists (default: as it is)",
     )
     to.add_argument("--renew", action="store_true", help="make all keys and certificates again")
     to.add_argument("--days", type=_days, metavar="N", help="validity of the certificates in days (default: 365)")

@@ -167,7 +167,8 @@ class Link(BaseLink["ZenohTransport", Token]):
 def _refused(channel: str) -> str:
     return (
         f"{channel}: the keys of this process do not allow it, so the router drops its messages; "
-        "connect the two components in the network file, then make the keys again: rcdeploy keys"
+        "connect the two components in the network file, or for a tool list the operation there as in "
+        f"`allow {channel};`, then make the keys again: rcdeploy keys"
     )
 
 

@@ -173,13 +173,13 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     gone(site, "robot", "base")
 
 
-def test_an_operator_hears_all_and_calls_nothing_but_introspection(site: Site):
+def test_an_operator_hears_all_and_calls_only_introspection_and_what_is_allowed(site: Site):
     site.host("base")
     net = site.network(
         "Component echo : Echo { }; Component second : Echo { host base; };"
         "Component asker : Asker { host base; requires Echo from echo; subscribesTo Tick from echo; };"
         "Component more : Asker { requires Echo from second; subscribesTo Tick from second; };",
-        "security lan; middleware zenoh;",
+        "security lan; middleware zenoh; allow second/Echo/twice;",
     )
     made = site.done("keys", net, "--operator")
     assert made.code == 0, made.text
@@ -194,9 +194,11 @@ def test_an_operator_hears_all_and_calls_nothing_but_introspection(site: Site):
     assert heard.code == 0, heard.text
     measured = [json.loads(line) for line in site.rc("top", "--once", "--json", *here).lines]
     assert {"echo", "second"} <= {each["component"] for each in measured}
-    refused = site.rc("call", "second/Echo/twice", "value=1", *here)
+    assert site.rc("call", "second/Echo/twice", "value=21", *here).text == "42"
+    refused = site.rc("call", "echo/Echo/twice", "value=1", *here)
     assert refused.code == 1
     assert "keys of this process do not allow it" in refused.text
+    assert "for a tool list the operation there as in `allow echo/Echo/twice;`" in refused.text
     run.signal(signal.SIGINT)
     run.wait()
     gone(site, "base")
