@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE, WRONG
@@ -19,6 +20,7 @@ from .live import (
     add_yes,
     allowed,
     awaited,
+    count,
     one_of,
     positive,
     reported,
@@ -26,6 +28,7 @@ from .live import (
 )
 
 if TYPE_CHECKING:
+    from ..tools.access import ThrownError
     from ..tools.network import Channel, Network
 
 NAME = "call"
@@ -36,6 +39,7 @@ examples:
   rc call world/DifferentialRobot/getBaseState             what takes no arguments
   rc call setSpeedBase adv=200 rot=0.1                     arguments by their names
   rc call speech/Speech/say '{{"text": "hello", "overwrite": true}}'
+  rc call getBaseState --repeat 10 --rate 5                ten times, five a second
   rc call GotoPoint/go @where.json                         the arguments from a file
   rc call GotoPoint/go                                     shows what it takes
   rc call wander/CommonBehavior/killYourSelf --yes         what is marked [confirm], without being asked
@@ -58,6 +62,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--deadline", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for the answer (default: 5)"
     )
+    to.add_argument(
+        "--repeat", type=count, metavar="COUNT", help="call it so often (default: once; with --rate until Ctrl-C)"
+    )
+    to.add_argument("--rate", type=positive, metavar="HZ", help="calls a second (default: one after the other)")
     add_yes(to)
     to.add_argument(
         "--json", action="store_true", help="print a declared exception as JSON on stdout, as the answer is"
@@ -103,19 +111,29 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
             return USAGE
         if refused := allowed(channel, told, "rc call", yes=options.yes):
             return refused
-        if channel.pattern is Pattern.COMMAND:
-            access.send(channel, taken, options.timeout, options.deadline)
-            return FINE
-        try:
-            results = access.ask(channel, taken, options.deadline)
-        except ThrownError as exc:
-            fields = values.shown(exc.kind.all_fields, exc.values)
-            name = exc.kind.name.replace("::", ".")
-            if options.json:
-                print(json.dumps({"exception": name, "fields": fields}))
-            else:
-                print(f"rc call: {name}: {json.dumps(fields)}", file=sys.stderr)
-            return WRONG
-    shown = values.shown(operation.outputs, results)
-    print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None))
-    return FINE
+        most = options.repeat or (None if options.rate else 1)
+        begun, made, code = time.monotonic(), 0, FINE
+        while most is None or made < most:
+            if made and options.rate:
+                time.sleep(max(0.0, begun + made / options.rate - time.monotonic()))
+            made += 1
+            if channel.pattern is Pattern.COMMAND:
+                access.send(channel, taken, options.timeout, options.deadline)
+                continue
+            try:
+                shown = values.shown(operation.outputs, access.ask_again(channel, taken, options.deadline))
+                print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None), flush=True)
+            except ThrownError as exc:
+                _print_thrown(exc, as_json=options.json)
+                code = WRONG
+        return code
+
+
+def _print_thrown(exc: ThrownError, *, as_json: bool) -> None:
+    from ..wire import json as values
+
+    fields, name = values.shown(exc.kind.all_fields, exc.values), exc.kind.name.replace("::", ".")
+    if as_json:
+        print(json.dumps({"exception": name, "fields": fields}), flush=True)
+    else:
+        print(f"rc call: {name}: {json.dumps(fields)}", file=sys.stderr)

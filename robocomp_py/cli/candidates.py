@@ -179,6 +179,18 @@ def _names(what: What, word: str) -> Iterator[Candidate]:
 
             yield from (Candidate(name, "a network that runs") for name in networks())
             yield from _files(word, [".ddsl"])
+        case What.HOST:
+            from ..deploy.client import networks, running_plan
+            from .hosts import HERE
+
+            plans = (running_plan(name) or {} for name in networks())
+            hosts = dict.fromkeys(str(each["name"]) for plan in plans for each in plan.get("hosts", ()))
+            yield from (Candidate(name, "a host of a network that runs") for name in hosts)
+            yield Candidate(HERE, "this machine")
+        case What.CHECK:
+            from ..tools.doctor.checks import CHECKS
+
+            yield from (Candidate(each.NAME, each.HELP) for each in CHECKS)
         case What.MIDDLEWARE:
             from .. import installed
 

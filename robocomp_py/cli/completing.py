@@ -34,6 +34,10 @@ class What(StrEnum):
     MIDDLEWARE = "middleware"
     NETWORK = "network"
     """A network that `rcdeploy` runs, or a file *.ddsl."""
+    HOST = "host"
+    """This machine, or another host of a network that runs."""
+    CHECK = "check"
+    """One of `rc doctor`."""
     FOLDER = "folder"
 
 

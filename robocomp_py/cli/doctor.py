@@ -48,7 +48,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "a network, by its DDSL file or by its name if it runs"
     completed(to.add_argument("network", nargs="?", metavar="NET", help=about), What.NETWORK)
-    to.add_argument("--check", action="append", default=[], metavar="NAME", help="only this check; may be repeated")
+    check = to.add_argument(
+        "--check", action="append", default=[], metavar="NAME", help="only this check; may be repeated"
+    )
+    completed(check, What.CHECK)
     to.add_argument("--list", action="store_true", help="list the checks")
     add_include(to)
     add_hosts(to, network=False)
@@ -95,7 +98,8 @@ def run(options: argparse.Namespace) -> int:
         if not options.json:
             number = len(facts.network.components())
             machines = [*(["this machine"] if hosts.here else []), *(each.host for each in facts.places)]
-            looked = f"{len(options.check) or len(CHECKS)} checks of {', '.join(machines)} and {number} components"
+            checks = len(set(options.check)) or len(CHECKS)
+            looked = f"{checks} check{'s' * (checks != 1)} of {', '.join(machines)} and {number} components"
             also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
             print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
         return hosts.code(WRONG if wrong or troubles else FINE)

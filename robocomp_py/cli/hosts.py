@@ -40,7 +40,7 @@ def add_hosts(to: argparse.ArgumentParser, *, network: bool = True) -> None:
         help="folder of the keys of a network with `security lan`, made by rcdeploy keys --operator (default: with "
         "--network, that of its rcdeploy, if it has such keys)",
     )
-    to.add_argument(
+    host = to.add_argument(
         "--host",
         dest="hosts",
         action="append",
@@ -48,6 +48,7 @@ def add_hosts(to: argparse.ArgumentParser, *, network: bool = True) -> None:
         metavar="HOST",
         help=f"look at this host only; `{HERE}` is this machine; may be repeated",
     )
+    completed(host, What.HOST)
 
 
 class Hosts:

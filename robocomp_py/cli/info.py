@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from .common import FINE
@@ -29,6 +30,9 @@ Sides with different contracts are shown with their differences.
 {EXIT_STATUS}
 """
 
+_PATIENCE = 1.0
+"""Seconds that a component has to tell its comments."""
+
 _PROVIDES = {"publish": "published by", "query": "served by", "command": "received by"}
 _USES = {"publish": "subscribed by", "query": "called by", "command": "sent by"}
 
@@ -47,25 +51,41 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     with reported("rc info") as code, hosts_of(options) as hosts:
 
-        def pick(network: Network) -> list[Channel]:
-            return network.named(options.name)
+        def pick(network: Network) -> tuple[Network, list[Channel]]:
+            return network, network.named(options.name)
 
-        found = awaited(options, pick, hosts)
+        network, found = awaited(options, pick, hosts)
+        comments = _comments(network, found)
         if options.json:
             for each in found:
-                print(json.dumps(_told(each)))
+                print(json.dumps(_told(each, comments[each.name])))
         else:
-            print("\n\n".join("\n".join(_described(each)) for each in found))
+            print("\n\n".join("\n".join(_described(each, comments[each.name])) for each in found))
         return FINE
     return code()
 
 
-def _told(channel: Channel) -> dict[str, object]:
+def _comments(network: Network, found: list[Channel]) -> dict[str, list[tuple[str, str]]]:
+    """What components tell of these operations: of each the field that is meant, or "", and the text."""
+    from ..tools import asking
+    from ..tools.access import Access
+
+    told: dict[str, list[tuple[str, str]]] = {}
+    with Access() as access:
+        for each in found:
+            end = asking.about(access, network, each, _PATIENCE)
+            notes = end.comments if end else ()
+            told[each.name] = [(note.about, " ".join(note.text.split())) for note in notes if note.text.strip()]
+    return told
+
+
+def _told(channel: Channel, comments: list[tuple[str, str]]) -> dict[str, object]:
     """The same for machines."""
     return {
         "channel": channel.name,
         "pattern": channel.pattern,
         "contract": list(_contract(channel)),
+        "comments": [{"about": about, "text": text} for about, text in comments],
         "ends": [
             {
                 "role": end.role,
@@ -74,7 +94,7 @@ def _told(channel: Channel) -> dict[str, object]:
                 "host": end.host,
                 "middleware": end.middleware,
                 "fingerprint": f"{end.told.fingerprint:016x}",
-                "qos": end.told.traits,
+                "qos": _qos(end),
             }
             for end in channel.ends
         ],
@@ -92,10 +112,19 @@ def _contract(channel: Channel) -> Iterator[str]:
         yield str(exc)
 
 
-def _described(channel: Channel) -> Iterator[str]:
+def _qos(end: End) -> dict[str, object] | None:
+    """What a publisher offers, or a subscriber asks for; None at other ends, and if it does not tell."""
+    from ..contract.qos import from_traits
+
+    has_qos = end.role in ("publishes", "subscribes") and end.told.traits
+    return asdict(from_traits(end.told.traits)) if has_qos else None
+
+
+def _described(channel: Channel, comments: list[tuple[str, str]]) -> Iterator[str]:
     from ..contract.interface import differences
 
     yield f"{channel.name}: {channel.pattern}"
+    yield from (f"  // {about}: {text}" if about else f"  // {text}" for about, text in comments)
     yield from (f"  {line}" for line in _contract(channel))
     fingerprint, text = next(iter(channel.texts.items()))
     for word, ends in ((_PROVIDES, channel.providers), (_USES, channel.users)):

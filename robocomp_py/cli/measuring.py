@@ -58,7 +58,7 @@ def measure(options: argparse.Namespace, topics: Sequence[Channel], words: Words
             else:
                 print(f"{name} over {over}: {words(channel, traffic) or messages(traffic)}", flush=True)
 
-    told = time.monotonic()
+    told, told_of = time.monotonic(), 0
     for each in arrivals(topics, first=options.timeout, whole=options.seconds):
         if isinstance(each, Resumed):
             for traffic in heard.values():
@@ -66,13 +66,17 @@ def measure(options: argparse.Namespace, topics: Sequence[Channel], words: Words
         elif each:
             heard.setdefault(each.channel, Traffic(options.window)).note(each)
         if time.monotonic() - told >= _TELL:
-            told = time.monotonic()
+            told, told_of = time.monotonic(), _number(heard)
             tell()
     if not heard:
         raise nothing_heard(options)
-    if options.seconds and time.monotonic() - told > _TELL / 10:
+    if options.seconds and _number(heard) > told_of:
         tell()
     return FINE
+
+
+def _number(heard: Mapping[str, Traffic]) -> int:
+    return sum(each.number for each in heard.values())
 
 
 def messages(traffic: Traffic) -> str:

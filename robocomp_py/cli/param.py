@@ -70,6 +70,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_json(command("list", "list names and values", "*"))
     one = command("get", "print the value of one parameter")
     one.add_argument("name", metavar="NAME")
+    add_json(one)
     several = command("set", "change parameters, all or none")
     several.add_argument("values", nargs="+", metavar="NAME=VALUE")
     described = command("describe", "show types, ranges, choices and comments")
@@ -158,7 +159,11 @@ def _list(at: _At, options: argparse.Namespace) -> int:
 
 
 def _get(at: _At, options: argparse.Namespace) -> int:
-    print(_named(at.settings(at.one), options.name).value)
+    from ..tools import params
+
+    found = _named(at.settings(at.one), options.name)
+    told = {"component": at.one, "name": found.name, "value": params.typed(found)}
+    print(json.dumps(told) if options.json else found.value)
     return FINE
 
 

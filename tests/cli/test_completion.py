@@ -22,6 +22,7 @@ from robocomp_py.transports.base import find_transport
 
 from ..runtime.test_middlewares import Station
 from ..runtime.test_run import make, running
+from ..tools import elsewhere
 
 BIN = Path(sys.executable).parent
 
@@ -107,6 +108,13 @@ def test_names_of_what_runs_are_found(talker: object) -> None:
     assert "talker/CommonBehavior/getState" in completed("rc call talker/CommonBehavior")
     assert completed("rc param list t") == ["talker"]
     assert completed("rc action cancel ") == []
+
+
+def test_checks_of_the_doctor_and_hosts_are_found(own_runtime_folder: Path, files: Path) -> None:
+    assert completed("rc doctor --check cl") == ["clocks"]
+    assert completed("rc echo x --host h") == ["here"]
+    with elsewhere.network("base"):
+        assert completed("rc echo x --host ") == ["base", "here"]
 
 
 def test_nothing_is_found_for_what_cannot_be_known(talker: object) -> None:

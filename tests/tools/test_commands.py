@@ -255,6 +255,32 @@ def test_a_query_is_called(talker: Any, capsys: pytest.CaptureFixture[str]) -> N
     assert thrown == 'rc call: Conformance.Failed: {"what": "division by zero", "code": 7}\n'
 
 
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_a_query_is_called_again_and_again(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    divide = ("call", "divide", "dividend=9", "divisor=4", "--repeat", "3")
+    assert said(capsys, *divide, "--rate", "1000").splitlines() == ['{"ret": 2, "remainder": 1}'] * 3
+    thrown = said(capsys, "call", "divide", "dividend=1", "divisor=0", "--repeat", "2", "--json", code=1)
+    assert [json.loads(line)["exception"] for line in thrown.splitlines()] == ["Conformance.Failed"] * 2
+    said(capsys, "call", "poke", "number=5", "--repeat", "4")
+    wait_until(lambda: talker.entries.count("poked 5") == 4)
+
+
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_a_contract_is_told_to_machines(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    told = json.loads(said(capsys, "info", "news", "--json"))
+    (end,) = told["ends"]
+    assert (end["role"], end["qos"]["reliability"], end["qos"]["depth"]) == ("publishes", "reliable", 10)
+    (served,) = json.loads(said(capsys, "info", "divide", "--json"))["ends"]
+    assert served["qos"] is None
+
+
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_a_measurement_ends_with_one_line(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(capsys, "hz", "news", "--for", "1.1", "--json").splitlines()
+    numbers = [json.loads(line)["messages"] for line in lines]
+    assert len(set(numbers)) == len(numbers)
+
+
 def test_a_contract_is_shown_with_both_sides(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
     shown = said(capsys, "info", "talker/Everything/divide")
     assert "int64 divide(int64 dividend, int64 divisor, out int64 remainder) throws Failed;" in shown

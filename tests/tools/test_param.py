@@ -42,6 +42,8 @@ def test_parameters_are_listed(tuned: Any, capsys: pytest.CaptureFixture[str]) -
 def test_a_value_is_set_and_read(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
     said(capsys, "param", "set", "tuned", "max_speed=1.5", *OVER)
     assert said(capsys, "param", "get", "robot1/tuned", "max_speed", *OVER) == "1.5\n"
+    told = json.loads(said(capsys, "param", "get", "tuned", "max_speed", "--json", *OVER))
+    assert told == {"component": "robot1/tuned", "name": "max_speed", "value": 1.5}
     assert tuned.params.max_speed == 1.5
 
 

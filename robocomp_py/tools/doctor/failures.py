@@ -9,6 +9,9 @@ from .facts import Facts, Finding, Weight
 NAME = "failures"
 HELP = "calls and handlers that failed"
 
+_CALLS = "rc echo --calls --served"
+"""Shows the outcomes of calls."""
+
 
 def find(facts: Facts) -> Iterator[Finding]:
     for each in facts.components:
@@ -18,4 +21,6 @@ def find(facts: Facts) -> Iterator[Finding]:
             what = {"requires": "calls of", "implements": "requests for"}.get(one.verb, "messages of")
             text = f"{each.name}: {one.failed} of {one.count} {what} {one.channel} over {one.middleware} failed"
             weight = Weight.ERROR if one.failed >= one.count else Weight.WARN
-            yield Finding(weight, text, f"see why in its log: {facts.log_of(each.name)}")
+            watch = f"{_CALLS} {one.channel}" if one.verb in ("requires", "implements") else ""
+            also = f"; watch them with their outcomes, also those that the IDSL declares: {watch}" if watch else ""
+            yield Finding(weight, text, f"see why in its log: {facts.log_of(each.name)}{also}")
