@@ -25,7 +25,7 @@ examples:
   rc sim new house.xml --lidar top   the laser `top` has several fans, and also provides points in space
 
   rc sim view house.xml              the scene in the browser
-  rc sim view                        ... as it runs
+  rc sim view                        ... as it runs; --component NAME: which one, if several do
   rc sim edit house.xml              edit the scene in the browser
 
 Simulating needs `pip install 'robocomp-py[sim]'`, and the browser `pip install 'robocomp-py[viewer]'`.

@@ -27,6 +27,8 @@ _NONE = "(none)"
 _LOOK = 0.5
 """Seconds between two looks at whether the file was changed by something else."""
 _GIZMO = "/gizmo"
+_GIZMO_SIZE = 110.0
+"""Length of its arrows, pixels: the same from near and from far."""
 _SHOWN_IDS = 5000
 """Nodes that can be chosen from the list; of a larger scene, others are selected by a click."""
 
@@ -267,7 +269,8 @@ class Sheet:
         if self._gizmo is None:
             made = self.client.scene.add_transform_controls(
                 _GIZMO,
-                scale=0.6,
+                scale=_GIZMO_SIZE,
+                fixed=True,
                 disable_axes=not moves,
                 disable_sliders=not moves,
                 disable_rotations=not turns,

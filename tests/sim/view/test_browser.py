@@ -42,11 +42,20 @@ class Eyes:
 
     def pixel(self, point: Any) -> list[float]:
         """The column and row at which a point of the page is seen."""
-        camera = self._camera
-        turn = viser.transforms.SO3(np.array(camera.wxyz)).as_matrix()
-        x, y, z = turn.T @ (np.array(point) - camera.position)
-        focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-        return [camera.image_width / 2 + focal * x / z, camera.image_height / 2 + focal * y / z]
+        camera, (x, y, z) = self._camera, self._seen(point)
+        return [camera.image_width / 2 + self._focal * x / z, camera.image_height / 2 + self._focal * y / z]
+
+    def length(self, pixels: float, point: Any) -> float:
+        """The length of what has so many pixels where a point is, m."""
+        return float(pixels * self._seen(point)[2] / self._focal)
+
+    @property
+    def _focal(self) -> float:
+        return float(self._camera.image_height / 2 / np.tan(self._camera.fov / 2))
+
+    def _seen(self, point: Any) -> Any:
+        turn = viser.transforms.SO3(np.array(self._camera.wxyz)).as_matrix()
+        return turn.T @ (np.array(point) - self._camera.position)
 
 
 def colours(browser: Browser, folder: Path) -> Array:
@@ -133,7 +142,8 @@ def test_a_scene_is_edited_in_the_browser(tmp_path: Path) -> None:
             browser(wait=f"{value('tx')} === '500'")
             # drag the arrow that points to the left
             wait_until(lambda: editor.selected == "shelf")
-            browser(path=[eyes.pixel((0, at, 0)) for at in (-0.05, 0.15, 0.35)])
+            grip = -0.5 + eyes.length(0.75 * 110, (0, -0.5, 0))
+            browser(path=[eyes.pixel((0, grip + by, 0)) for by in (0.0, 0.2, 0.4)])
             wait_until(lambda: editor.can_undo, what="nothing was dragged")
             wait_until(lambda: abs(float(str(editor.tree.node("shelf").values["tx"])) - 100) < 60)
             # field
