@@ -56,7 +56,9 @@ def options(program: str) -> frozenset[str]:
     main = PROGRAMS[program]
     every = _help(main, [])
     for command in re.findall(r"^ {2,4}(\w+)  ", every, re.MULTILINE):
-        every += _help(main, [command])
+        every += (said := _help(main, [command]))
+        for part in re.findall(r"^ {4}(\w+)  ", said, re.MULTILINE):  # as `view` of `rc sim`
+            every += _help(main, [command, part])
     if program == "rc":  # lists its own options only for given components
         components = [str(ROOT / "components" / "wander"), "+", str(ROOT / "components" / "world2d")]
         command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", *components, "--help"]
