@@ -1,0 +1,1 @@
+"""Two arms hand over a bottle, back and forth."""

@@ -1,0 +1,1 @@
+"""Takes parts from a conveyor by two arms."""
