@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from robocomp_py.innermodel import axes
 from robocomp_py.innermodel.axes import Array
+from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
 
 GAIN = 4.0
@@ -41,6 +42,8 @@ class Arm:
         while parent := tree.parent(above[-1]):
             above.append(parent)
         self.joints = [name for name in above[::-1] if tree.node(name).tag == "joint"]
+        if not self.joints:
+            raise InnerModelError(f"`{tool}` has no joint above it")
         homes = (tree.node(name).values["home"] for name in self.joints)
         self.home = np.array([float(str(each)) for each in homes])
 

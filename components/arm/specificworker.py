@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from robocomp_py.errors import ConfigurationError
+from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
 
 from .generic import RoboCompArm
@@ -22,8 +24,14 @@ class SpecificWorker(GenericWorker):
 
     def initialize(self) -> None:
         """Read how the arm is built."""
+        self.joints: list[str] = []
         scene = Path(__file__).parent / self.params.scene
-        self.arm = Arm(Tree.read(scene), self.params.tool)
+        try:
+            self.arm = Arm(Tree.read(scene), self.params.tool)
+        except InnerModelError as exc:
+            text = f"{exc}; the parameters `scene` and `tool` say which arm it is"
+            raise ConfigurationError(text) from exc
+        self.joints = self.arm.joints
         self.goal: RoboCompArm.Pose | None = None
         self.speed = 0.0
         self.told = 0
@@ -31,7 +39,7 @@ class SpecificWorker(GenericWorker):
 
     def compute(self) -> None:
         """Let the joints move as the way to the goal needs."""
-        states = self.jointmotor_proxy.getMotorStateMap(self.arm.joints)
+        states = self.jointmotor_proxy.getMotorStateMap(self.joints)
         positions = {name: state.pos for name, state in states.items()}
         if self.goal:
             way = self.way(positions, self.goal)
@@ -52,14 +60,15 @@ class SpecificWorker(GenericWorker):
 
     def finish(self) -> None:
         """Stop the joints: without new speeds, they would go on."""
-        self.drive([0.0] * len(self.arm.joints))
+        if self.joints:
+            self.drive([0.0] * len(self.joints))
 
     def drive(self, speeds: list[float]) -> None:
         """Set the speeds of all joints, rad/s."""
         self.jointmotor_proxy.setSyncVelocity(
             [
                 MotorGoalVelocity(name, speed, 0.0)
-                for name, speed in zip(self.arm.joints, speeds, strict=True)
+                for name, speed in zip(self.joints, speeds, strict=True)
             ]
         )
 

@@ -146,6 +146,22 @@ def test_a_rotation_has_an_axis_and_an_angle(axis: str, angle: float) -> None:
     assert kinematics.turned(axes.about(axis, angle)) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ('tool="lefttol"', "did you mean `lefttool`"),
+        ('tool="table"', "`table` has no joint above it"),
+        ('scene="no.xml"', "there is no such file"),
+    ],
+)
+def test_an_arm_that_is_not_in_the_scene_is_told(setting: str, says: str, caplog: pytest.LogCaptureFixture) -> None:
+    with Simulation(COMPONENTS / "handover.ddsl", settings=[("left", f"params.{setting}")]) as sim:
+        sim.run(0.1)
+        assert sim.failed == ["left"]
+    assert says in caplog.text
+    assert "Traceback" not in caplog.text
+
+
 @pytest.fixture
 def arm() -> Iterator[ComponentTest]:
     worker = load_component(COMPONENTS / "arm")
