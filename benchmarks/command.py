@@ -19,6 +19,7 @@
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
   pictures   a picture of a simulated camera, with its depth
+  simulation ticks, laser scans, plans and edits of a simulated scene, and the start of its component
   scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
@@ -64,6 +65,7 @@ from . import (
     records,
     results,
     shared,
+    simulation,
     start,
     threads,
     tools,
@@ -257,6 +259,11 @@ def _pictures(options: argparse.Namespace, effort: Effort) -> Found:
     return Found(rows, [pictures.table(rows)], pictures.findings(rows))
 
 
+def _simulation(options: argparse.Namespace, effort: Effort) -> Found:
+    rows = simulation.run(effort, tell)
+    return Found(rows, [simulation.table(rows)], simulation.findings(rows))
+
+
 def _lockstep(options: argparse.Namespace, effort: Effort) -> Found:
     rows, failures = _each(lockstep.run, options.only, effort)
     return Found(rows, [lockstep.table(rows)], lockstep.findings(rows), failures)
@@ -302,6 +309,7 @@ MEASUREMENTS: dict[str, Run] = {
     "virtual": _virtual,
     "lockstep": _lockstep,
     "pictures": _pictures,
+    "simulation": _simulation,
     "scale": _scale,
     "languages": _languages,
     "lsp": _lsp,

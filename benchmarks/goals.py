@@ -38,6 +38,7 @@ GOALS = {
     "virtual": Goal("example network in virtual time, real time ÷ its time", "≥ 36 ×"),
     "lockstep": Goal("lock-step with four followers, one instant", "shm ≤ 0.2 ms; zeromq ≤ 0.5 ms"),
     "pictures": Goal("a simulated camera, colour and depth of 640 × 480, ours ÷ MuJoCo", "≤ 1.3 ×"),
+    "simulation": Goal("a simulated scene, ticks and laser scans, ours ÷ MuJoCo", "≤ 1.3 ×"),
     "publications": Goal("256 idle publications", "≤ 60 MB, ≤ 64 descriptors, ready in 1 s"),
     "clients": Goal("32 clients: calls ÷ those of 2; p99 ÷ raw; Jain's index", "≥ 1 ×; ≤ 1.6 ×; ≥ 0.9"),
     "fanout": Goal("1 to 16 subscribers at 50 Hz: processor and p99 ÷ raw", "≤ 1.3 × each"),

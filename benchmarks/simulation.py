@@ -1,0 +1,213 @@
+"""Measures a simulated scene: ticks, laser scans, plans, edits, and the start of its component.
+
+Where MuJoCo alone can do the same, it does so in turn, with the same model and the same state. Times are those of the
+processor, except that of the start.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from .components import component
+from .goals import Finding
+from .query import Tell
+from .rounds import Effort, by_turns, ratio, times
+from .scenes import hall
+from .tables import Table, times_as_much, us
+
+RATIO = 1.3
+"""Times as long as MuJoCo alone."""
+
+SHAPES, MANY = 141, 341
+TICKS = 40
+"""In each call, from the same state."""
+
+CALLS = 5
+"""Of each party, in a round."""
+
+STARTS = 3
+PLANS, HORIZON = 4, 5.0
+
+
+@dataclass(frozen=True)
+class Row:
+    what: str
+    ours: float
+    """µs of one; of plans, of all."""
+    goal: str
+    met: bool
+    bare: float | None = None
+    """µs of MuJoCo alone."""
+    ratio: float | None = None
+
+
+def run(effort: Effort, tell: Tell) -> list[Row]:
+    tell("simulation · ticks")
+    rows = [_ticks(effort, resting=False), _ticks(effort, resting=True)]
+    tell("simulation · lasers")
+    rows += [_scans(effort, rays) for rays in (360, 1080)]
+    tell("simulation · plans and edits")
+    rows += [_plans(effort), *_edits(effort)]
+    tell("simulation · start")
+    return [*rows, _start()]
+
+
+def _compared(what: str, ours: Callable[[], object], bare: Callable[[], object], effort: Effort, parts: int) -> Row:
+    """One of `parts` of what a call does."""
+    mine, its = by_turns([lambda: _seconds_of(ours), lambda: _seconds_of(bare)], effort.rounds)
+    found = ratio(mine, its)
+    goal = f"≤ {RATIO:g} ×"
+    return Row(what, times(mine).p50 / parts, goal, found <= RATIO, times(its).p50 / parts, found)
+
+
+def _seconds_of(call: Callable[[], object]) -> list[float]:
+    """The processor time of each of `CALLS` calls, after one that warms up."""
+    call()
+    taken = []
+    for _ in range(CALLS):
+        begun = time.process_time()
+        call()
+        taken.append(time.process_time() - begun)
+    return taken
+
+
+def _ticks(effort: Effort, *, resting: bool) -> Row:
+    import mujoco
+
+    from robocomp_py.sim.build import build
+    from robocomp_py.sim.world import World
+
+    tree = hall(SHAPES, resting=resting)
+    world = World(tree, physics=True, hold=0)
+    world.drive("robot0", ahead=200.0)
+    world.step(TICKS)
+    saved = world.save()
+    model = build(tree, world.tick).model
+    begun, data = mujoco.MjData(model), mujoco.MjData(model)
+    begun.qpos[:] = build(tree, world.tick).start
+    for _ in range(TICKS):
+        mujoco.mj_step(model, begun)
+
+    def ours() -> None:
+        world.restore(saved)
+        world.step(TICKS)
+
+    def bare() -> None:
+        mujoco.mj_copyData(data, model, begun)
+        for _ in range(TICKS):
+            mujoco.mj_step(model, data)
+
+    return _compared(f"tick, 20 boxes {'at rest' if resting else 'that fall'}", ours, bare, effort, TICKS)
+
+
+def _scans(effort: Effort, rays: int) -> Row:
+    import mujoco
+    import numpy as np
+
+    from robocomp_py.sim.build import build
+    from robocomp_py.sim.world import World
+
+    tree = hall(SHAPES)
+    tree.set_value("robot0_laser", "measures", rays)
+    world, scene = World(tree), build(tree, 0.005)
+    data = mujoco.MjData(scene.model)
+    data.qpos[:] = scene.start
+    mujoco.mj_kinematics(scene.model, data)
+    turns = np.linspace(-np.pi, np.pi, rays, endpoint=False)
+    directions = np.stack((np.cos(turns), np.sin(turns), np.zeros(rays)), axis=1)
+    frame, hit, reached = scene.frames["robot0_laser"], np.empty(rays, np.int32), np.empty(rays)
+    origin = data.xpos[frame.body] + frame.position
+
+    def bare() -> None:
+        given = (scene.model, data, origin, directions.ravel(), None, True, frame.body, hit, reached, None, rays, 11.0)
+        mujoco.mj_multiRay(*given)
+
+    return _compared(f"laser, {rays} rays", lambda: world.scan("robot0_laser"), bare, effort, 1)
+
+
+def _plans(effort: Effort) -> Row:
+    from robocomp_py.sim.plans import Command, evaluate
+    from robocomp_py.sim.world import World
+
+    world = World(hall(MANY), physics=True, hold=0)
+    plans = [[Command(0.0, "robot0", (200.0, 0.0, 0.1 * number))] for number in range(PLANS)]
+    took = []
+    for _ in range(max(1, effort.rounds // 4)):
+        begun = time.process_time()  # of all threads: what one core would need
+        evaluate(world, plans, HORIZON)
+        took.append(time.process_time() - begun)
+    factor = PLANS * HORIZON / statistics.median(took)
+    name = f"{PLANS} plans of {HORIZON:g} s, {MANY} shapes: {factor:.0f} × real time on a core"
+    return Row(name, statistics.median(took) * 1e6, "≥ 20 ×", factor >= 20.0)
+
+
+def _edits(effort: Effort) -> list[Row]:
+    from robocomp_py.sim.world import World
+
+    world = World(hall(MANY), physics=True)
+    took: dict[str, list[float]] = {"add": [], "remove": []}
+    for _ in range(effort.rounds):
+        for what, limit in took.items():
+            tree = world.tree.copy()
+            if what == "add":
+                tree.add("world", "plane", "post", size=(100.0, 900.0, 100.0), py=3000.0)
+            else:
+                tree.remove("post")
+            begun = time.process_time()
+            world.change(tree)
+            limit.append(time.process_time() - begun)
+    goals = {"add": 1600.0, "remove": 2700.0}
+    found = {what: statistics.median(each) * 1e6 for what, each in took.items()}
+    return [
+        Row(f"{what} a node, {MANY} shapes", each, f"≤ {us(goals[what])}", each <= goals[what])
+        for what, each in found.items()
+    ]
+
+
+def _start() -> Row:
+    """From the process of a component that simulates a scene to `ready`, without a renderer."""
+    from robocomp_py.cli.rc import main as rc
+
+    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
+        scene = Path(folder, "hall.xml")
+        hall(SHAPES).save(scene)
+        with contextlib.redirect_stdout(sys.stderr):
+            if rc(["sim", "new", str(scene), "-o", str(Path(folder, "house"))]) != 0:
+                raise RuntimeError("the component could not be made")
+        took = []
+        for _ in range(STARTS + 1):
+            with component("house", Path(folder), "zeromq") as ready:
+                took.append(ready.seconds)
+    seconds = statistics.median(took[1:])  # the first one compiles
+    return Row("start of the component, to `ready`", seconds * 1e6, "≤ 1.0 s", seconds <= 1.0)
+
+
+def table(rows: list[Row]) -> Table:
+    cells = [
+        (
+            row.what,
+            us(row.ours),
+            us(row.bare),
+            times_as_much(row.ratio),
+            f"{row.goal}: {'met' if row.met else 'missed'}",
+        )
+        for row in rows
+    ]
+    head = ("simulation", "ours", "MuJoCo", "ratio", "goal")
+    title = f"a scene with two robots with arms, 20 free boxes, and {SHAPES} shapes unless said"
+    return Table("simulation", title, head, cells, labels=1)
+
+
+def findings(rows: list[Row]) -> list[Finding]:
+    return [
+        Finding("simulation", row.what, "", times_as_much(row.ratio), row.ratio <= RATIO, row.ratio)
+        for row in rows
+        if row.ratio is not None
+    ]
