@@ -22,7 +22,9 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
         ("README", 6),
         ("docs/guides/actions", 9),
         ("docs/guides/existing", 5),
+        ("docs/explanation/handedness", 1),
         ("docs/guides/hosts", 6),
+        ("docs/guides/importing", 4),
         pytest.param("docs/guides/named-instances", 15, marks=LONG),
         ("docs/guides/processes", 6),
         ("docs/guides/rerun", 8),
@@ -30,6 +32,7 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
         ("docs/guides/simulating", 9),
         ("docs/guides/supervision", 4),
         ("docs/guides/testing", 10),
+        pytest.param("docs/tutorials/driving-robot", 14, marks=LONG),
         pytest.param("docs/tutorials/first-component", 15, marks=LONG),
     ],
 )
