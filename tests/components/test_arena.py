@@ -217,6 +217,7 @@ def test_drivers_that_are_named_alike_take_the_place_of_simulated_devices(tmp_pa
 
 
 @pytest.mark.tool  # OpenGL
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", range(20))
 def test_the_mission_succeeds_with_every_noise_and_is_the_same_in_another_process(
     seed: int, caplog: pytest.LogCaptureFixture
@@ -228,6 +229,7 @@ def test_the_mission_succeeds_with_every_noise_and_is_the_same_in_another_proces
 
 
 @pytest.mark.tool  # OpenGL
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("middleware", MIDDLEWARES)
 def test_the_mission_succeeds_over_a_middleware(middleware: str, tmp_path: Path) -> None:
     command = ("-m", "robocomp_py.cli.rcdeploy", NETWORK, "--until", "rescue", "--middleware", middleware)
