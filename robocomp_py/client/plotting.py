@@ -55,7 +55,7 @@ def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list
             if not columns:
                 columns = {path: [] for field in fields or ("",) for path in numbers_below(message, field, first)}
             for path, column in columns.items():
-                column.append(_number(part_of(message, path, first), path))
+                column.append(_number(part_of(message, path, first), path or first))
             times.append(now)
             if now >= seconds:
                 break

@@ -249,6 +249,16 @@ def test_a_qos_is_written_with_what_fits(editor: Editor, clause: str, expected: 
     assert not absent & found
 
 
+def test_actions_and_topics_that_a_component_subscribes_to_may_be_allowed(editor: Editor) -> None:
+    editor.open("arm/Grip.idsl", "module RoboCompGrip { interface Grip { [action] void take(int force); }; };")
+    imports = 'import "Grip.idsl"; import "LaserPub.idsl"; import "BatteryStatusPub.idsl";'
+    ports = "implements Grip; publishes LaserPub; subscribesTo BatteryStatusPub;"
+    editor.open("arm/arm.cdsl", f"{imports} Component arm {{ Communications {{ {ports} }}; language python; }};")
+    found = set(items(editor, "d.ddsl", NETWORK % "Component b : arm { allow |; };"))
+    assert {"Grip/take", "BatteryStatusPub", "BatteryStatusPub/pushBatteryState"} <= found
+    assert "LaserPub" not in found
+
+
 @pytest.mark.parametrize(
     ("clause", "expected", "absent"),
     [
