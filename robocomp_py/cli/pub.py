@@ -34,6 +34,7 @@ examples:
   rc pub world/BatteryStatusPub battery.percentage=20 ...    one message; `rc pub NAME` shows what it takes
   rc pub LaserPub @scan.json --rate 20                       20 times a second, until Ctrl-C
   rc pub LaserPub @scan.json --rate 20 -n 100                ... a hundred times
+  rc pub MapPub @map.json --latch                            until Ctrl-C, also to those that subscribe later
 
 The messages appear as those of the instance in the name of the topic.
 
@@ -49,6 +50,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_request(to)
     to.add_argument("--rate", type=positive, metavar="HZ", help="publish so often a second, until Ctrl-C or -n")
     to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="how many messages (default: one)")
+    to.add_argument(
+        "--latch",
+        action="store_true",
+        help="keep the last message, until Ctrl-C, for subscribers that come later and ask for transient_local",
+    )
     add_yes(to)
     add_waiting(to)
     add_hosts(to)
@@ -60,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
 
         def pick(network: Network) -> tuple[Network, Channel]:
             channel = network.topic(options.topic)
-            if hosts.posts and options.arguments and not channel.users:  # it may get one on any host
+            wanted = options.arguments and not options.latch
+            if hosts.posts and wanted and not channel.users:  # it may get one on any host
                 raise ValueError(f"nothing subscribes to {channel.name}")
             return network, channel
 
@@ -81,5 +88,5 @@ def _publish(network: Network, channel: Channel, options: argparse.Namespace) ->
         if refused := allowed(channel, told, "rc pub", yes=options.yes):
             return refused
         most = options.most or (None if options.rate else 1)
-        publish(access, channel, taken, options.timeout, rate=options.rate, most=most)
+        publish(access, channel, taken, options.timeout, rate=options.rate, most=most, latched=options.latch)
         return FINE

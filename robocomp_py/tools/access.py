@@ -154,7 +154,10 @@ class Access:
         """A link that sends commands or publications, and what encodes them. Publications reach the visible subscribers
         once `base.wait_connected` has returned."""
         transport = self._transport(way.middleware, way.options) if way else self._of(channel)
-        return transport.outlet(_path(channel, qos or channel.qos)), Call(channel.operation, transport.codec)
+        path = _path(channel, qos or channel.qos)
+        if way and qos:
+            base.require(transport, way.middleware, path)
+        return transport.outlet(path), Call(channel.operation, transport.codec)
 
     def sender(
         self, middleware: str, name: str, pattern: Pattern, operation: Operation[Any], qos: QoS

@@ -7,10 +7,11 @@ import queue
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ..contract.qos import QoS
+from ..contract.qos import Durability, QoS
 from ..errors import HostUnreachable, RobocompError, Unreachable
 from ..runtime.calls import Call
 from ..transports.base import Outlet, wait_connected
@@ -21,6 +22,9 @@ from .posts import Message, Post, failure
 
 _SPARE = 10.0
 """Seconds beyond its deadline in which a scout has told that it is done."""
+
+_LOOK = 0.2
+"""Seconds between two looks at whether it is to end."""
 
 _NEVER = threading.Event()
 
@@ -36,6 +40,7 @@ def publish(
     rate: float | None = None,
     most: int | None = 1,
     qos: QoS | None = None,
+    latched: bool = False,
     over: threading.Event = _NEVER,
 ) -> None:
     """Send a message `most` times, `rate` times a second (once a second by default), or for ever if `most` is None.
@@ -43,19 +48,24 @@ def publish(
     Subscribers have `within` seconds to connect. `qos` is what is offered, by default the same as the publishers of the
     topic offer. Ends early once `over` is set.
 
-    Raises Unreachable if there is no subscriber, HostUnreachable if one is on a host that is lost, and what sending
-    raises.
+    If it is `latched`, there need not be a subscriber: those that come later get the last message, until `over` is set.
+
+    Raises Unreachable if there is no subscriber, HostUnreachable if one is on a host that is lost, UnsupportedQoS, and
+    what sending raises.
     """
+    if latched:
+        qos = replace(qos or channel.qos, durability=Durability.TRANSIENT_LOCAL)
     ways = channel.ways
     pace = rate or 1.0
     last = within + _SPARE + (most or 0) / pace
     answers: Answers = queue.SimpleQueue()
     with contextlib.ExitStack() as links:
-        outlets = [_connected(access, channel, way, within, qos, links) for way in ways if way.via is None]
+        here = (way for way in ways if way.via is None)
+        outlets = [_connected(access, channel, way, within, qos, links, latched=latched) for way in here]
         posts = dict.fromkeys(way.via for way in ways if way.via)
         for post in posts:
             middlewares = [way.middleware for way in ways if way.via is post]
-            question = _question(channel, values, within, rate, most, middlewares)
+            question = _question(channel, values, within, rate, most, middlewares) | {"latched": latched}
             links.enter_context(post.following("publish", partial(_put, answers, post), **question))
         left = set(posts)
         for _ in _beats(pace, most, over) if outlets else ():
@@ -63,21 +73,31 @@ def publish(
                 outlet.send(call.encode(values))
             while not answers.empty():
                 _note(answers.get(), left)
-        end = time.monotonic() + last
-        while left:
+        end = None if latched or most is None else time.monotonic() + last
+        while (left or (latched and outlets)) and not over.is_set():
             try:
-                _note(answers.get(timeout=None if most is None else max(0.0, end - time.monotonic())), left)
+                _note(answers.get(timeout=_LOOK), left)
             except queue.Empty:
-                names = ", ".join(each.host for each in left)
-                raise HostUnreachable(f"{names}: no answer within {last:g} s") from None
+                if end and time.monotonic() > end:
+                    names = ", ".join(each.host for each in left)
+                    raise HostUnreachable(f"{names}: no answer within {last:g} s") from None
 
 
 def _connected(
-    access: Access, channel: Channel, way: Way, within: float, qos: QoS | None, links: contextlib.ExitStack
+    access: Access,
+    channel: Channel,
+    way: Way,
+    within: float,
+    qos: QoS | None,
+    links: contextlib.ExitStack,
+    *,
+    latched: bool,
 ) -> tuple[Outlet, Call[Any]]:
     """A link to subscribers that are there, and what encodes its messages."""
     outlet, call = access.outlet(channel, way, qos)
     links.callback(outlet.close)
+    if latched and not channel.users:
+        return outlet, call
     if not outlet.wait_peer(within):
         raise Unreachable(f"nothing subscribes to {channel.name}")
     if not wait_connected(outlet, within):

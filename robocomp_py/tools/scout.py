@@ -8,7 +8,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
     {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
                                                          call a query, or send a command
-    {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100}
+    {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100,
+        "latched": false}
                                                          publish to subscribers of a topic
     {"id": 1, "do": "clock"}                             what time it is there
     {"id": 1, "do": "leftovers", "middlewares": ["shm"]}
@@ -225,12 +226,13 @@ def _publish(place: _Place, question: Message, answer: Answer, over: threading.E
     from .publishing import publish
 
     channel = take_census(_middlewares(question), own=True).topic(str(question["channel"]))
-    if not channel.users:
+    latched = question.get("latched") is True
+    if not channel.users and not latched:
         raise Unreachable(f"nothing subscribes to {channel.name}")
     values_ = values.taken(channel.operation.inputs, question["arguments"], channel.operation.name)
     qos = from_traits(traits) if (traits := str(question.get("traits") or "")) else None
     within, rate, most = float(question["within"]), question.get("rate"), question.get("most")
-    publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, over=over)
+    publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, latched=latched, over=over)
 
 
 def _middlewares(question: Message) -> list[str]:

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,12 @@ import pytest
 from robocomp_py.cli import rc
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import Durability
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
+from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.tap import Message, Presence, tapped
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.directory import Directory, Entry, state_of
@@ -309,6 +312,34 @@ def test_a_subscriber_hears_what_a_tool_publishes(middleware: str, capsys: pytes
         wait_until(lambda: "7 boo" in worker.entries)
         said(capsys, "pub", "phantom/Everything/news", "number=8", "text=again", "-n", "2", "--rate", "100")
         wait_until(lambda: worker.entries.count("8 again") == 2)
+
+
+class LateListener(Listener):
+    component = Component(
+        "late", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=replace(RELIABLE, durability=Durability.TRANSIENT_LOCAL)),)
+    )
+
+
+def test_a_late_subscriber_hears_what_a_tool_has_latched() -> None:
+    over = threading.Event()
+
+    def publishing() -> None:
+        with Access() as access:
+            topic = take_census(["zeromq"]).topic("talker/Everything/news")
+            publish(access, topic, (-7, "map"), SOON, latched=True, over=over)
+
+    keeping = threading.Thread(target=publishing)
+    with running(make(Talker, find_transport, "middleware=zeromq", name="talker")):
+        wait_until(lambda: "talker/Everything/news" in take_census(["zeromq"]).channels)
+        keeping.start()
+        try:
+            wait_until(lambda: len(take_census(["zeromq"]).topic("talker/Everything/news").providers) == 2)
+            with running(make(LateListener, find_transport, "middleware=zeromq", name="late")) as worker:
+                wait_until(lambda: "-7 map" in worker.entries)
+        finally:
+            over.set()
+            keeping.join(SOON)
+    assert not keeping.is_alive()
 
 
 @pytest.mark.tool

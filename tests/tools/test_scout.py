@@ -404,6 +404,22 @@ def test_a_subscriber_of_another_host_that_is_gone_is_told(own_runtime_folder: A
             publish(access, gone, (7, "boo"), 1.0)
 
 
+def test_a_message_is_latched_on_another_host_until_its_end(own_runtime_folder: Any, post: Post) -> None:
+    over = threading.Event()
+    with running(make(Talker, find_transport, "middleware=shm", name="talker")), Access() as access:
+        wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+        told = Told("talker", 1, "publishes", "talker/Everything/news", e.news.fingerprint, e.news.text)
+        topic = Channel("talker/Everything/news", Pattern.PUBLISH, [End("shm", told, "base", post)])
+        keeping = threading.Thread(
+            target=publish, args=(access, topic, (-7, "map"), SOON), kwargs={"latched": True, "over": over}
+        )
+        keeping.start()
+        wait_until(lambda: len(take_census(["shm"]).topic("talker/Everything/news").providers) == 2)
+        over.set()
+        keeping.join(SOON)
+        wait_until(lambda: len(take_census(["shm"]).topic("talker/Everything/news").providers) == 1)
+
+
 def test_goals_of_another_host_are_sent_and_cancelled(
     own_runtime_folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
