@@ -15,7 +15,7 @@ def hall(shapes: int, *, free: int = FREE, resting: bool = True) -> Tree:
     """A hall with this number of shapes. Free boxes rest on the floor, or else fall."""
     tree = Tree()
     tree.add("root", "transform", "world")
-    tree.add("world", "plane", "floor", py=-5.0, size=(60000.0, 10.0, 60000.0))
+    tree.add("world", "plane", "floor", py=-1000.0, size=(60000.0, 2000.0, 60000.0))  # thick: boxes fall fast
     for number in range(2):
         _robot(tree, f"robot{number}", -2000.0 + 4000.0 * number)
     for number in range(free):
