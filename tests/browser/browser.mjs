@@ -28,7 +28,7 @@ const steps = {
     await page.mouse.up();
   },
   fill: async ([selector, text]) => {
-    await page.click(selector, { clickCount: 3 });
+    await page.$eval(selector, each => { each.focus(); each.select(); });  // wherever it has moved meanwhile
     await page.keyboard.type(text);
     await page.keyboard.press("Enter");
   },

@@ -100,10 +100,10 @@ def test_a_short_story_ends_well(network: str, seed: int) -> None:
 @pytest.mark.tool  # takes minutes
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("network", NETWORKS)
-def test_every_seed_ends_well_and_nothing_collides_in_any_tick(network: str, seed: int) -> None:
-    """Of the bottle, this is 4 times 20 places."""
-    touching = run(network, seed, [("world", "component.period=0.005")])
-    assert collisions(touching) == set()
+def test_every_seed_ends_well_and_nothing_collides(network: str, seed: int) -> None:
+    """Of the bottle, this is 4 times 20 places. Every tick is looked at with two seeds: that takes twice as long."""
+    every_tick = [("world", "component.period=0.005")] if seed < 2 else []
+    assert collisions(run(network, seed, every_tick)) == set()
 
 
 def test_what_is_no_grasp_is_a_collision() -> None:

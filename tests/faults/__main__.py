@@ -49,10 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report.write_page(found, ROWS, options.seed)
     missed = [each for each in found if each.misses]
     if missed:
-        names = " ".join(sorted({f"--only {each.row.name}" for each in missed}))
-        print(
-            f"\n{len(missed)} of {len(found)} missed; once more: python -m tests.faults {names} --seed {options.seed}"
-        )
+        rows = [f"--only {name}" for name in sorted({each.row.name for each in missed})]
+        over = [f"--over {name}" for name in sorted({each.transport for each in missed})]
+        repeated = " ".join([*rows, *over, f"--seed {options.seed}", *(["--reduced"] if options.reduced else [])])
+        print(f"\n{len(missed)} of {len(found)} missed; once more: python -m tests.faults {repeated}")
     return 1 if missed else 0
 
 

@@ -146,10 +146,11 @@ def test_a_scene_is_edited_in_the_browser(tmp_path: Path) -> None:
             browser(path=[eyes.pixel((0, grip + by, 0)) for by in (0.0, 0.2, 0.4)])
             wait_until(lambda: editor.can_undo, what="nothing was dragged")
             wait_until(lambda: abs(float(str(editor.tree.node("shelf").values["tx"])) - 100) < 60)
-            # field
+            # field, when it shows where the drag has ended
+            wait_until(lambda: float(browser(wait=value("tx"))) == editor.tree.node("shelf").values["tx"], SOON * 3)
             browser(wait=f"(input => (input.id = 'meant', true))({field('tx')})")
             browser(fill=["#meant", "250"])
-            wait_until(lambda: editor.tree.node("shelf").values["tx"] == 250)
+            wait_until(lambda: editor.tree.node("shelf").values["tx"] == 250, SOON * 3)
             # a plane and a mesh
             browser(wait=button("Add plane"))
             browser(wait=f"{value('size')} === '500,500,500'")
