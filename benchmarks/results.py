@@ -24,8 +24,8 @@ IMAGES = ROOT / "docs" / "images"
 DRAWN = ("query", "publish", "peers", "scale")
 """The measurements whose rows are kept for figures."""
 
-SHOWN = ("machine", "summary")
-"""The tables that the page shows, beside those of a growing network."""
+SHOWN = ("machine", "summary", "simulation")
+"""The tables that the page shows, besides those of a growing network."""
 
 
 def store(tables: Sequence[Table], findings: Sequence[Finding], rows: Mapping[str, Sequence[Any]]) -> None:

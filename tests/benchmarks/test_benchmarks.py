@@ -255,7 +255,6 @@ def test_the_stored_results_have_every_table() -> None:
     code = "".join(file.read_text(encoding="utf-8") for file in files)
     names = set(re.findall(r'(?:Table|_beside)\(\s*"([\w-]+)"', code))
     names -= {"check"}  # which the guard prints, and does not store
-    names -= {"simulation"}  # until a quiet machine has measured it: remove this line then
     assert {"machine", "summary", "query", "peers", "scale-idle"} <= names
     assert {table.name for table in results.tables(results.load())} == names
 
