@@ -102,6 +102,20 @@ class Balance:
         """The flows of which more messages were handled than sent, as far as these numbers tell."""
         return [flow for flow in self.flows if flow.under_way(numbers) < 0]
 
+    def take_over(self, before: Balance, numbers: Numbers) -> None:
+        """Go on with the messages of an earlier balance, although senders have come or gone meanwhile.
+
+        What was sent by a sender that is gone is under way until it is handled. `numbers` has those of all components
+        but those that were restarted: their messages count anew.
+        """
+        earlier = {tuple(flow.receivers): flow for flow in before.flows if not flow.is_of_calls}
+        for flow in self.flows:
+            if not flow.is_of_calls and (known := earlier.get(tuple(flow.receivers))):
+                gone = [each for each in known.senders if each not in flow.senders]
+                new = [each for each in flow.senders if each not in known.senders]
+                if all(name in numbers for name, _ in (*gone, *flow.senders, *flow.receivers)):
+                    flow.offset = known.offset + _sum(gone, numbers) - _sum(new, numbers)
+
     def level(self, numbers: Numbers, *, all: bool = False) -> None:
         """Forget messages that were handled without having been counted; with `all`, also those that are missing."""
         for flow in self.flows:

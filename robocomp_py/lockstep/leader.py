@@ -38,6 +38,9 @@ _DEADLINE = 2.0
 _SILENT = 3
 """Number of questions in a row that a follower may leave unanswered."""
 
+_CHANGES = 10_000
+"""More changes of its counters than this at once are those of a restarted component, whose versions begin at random."""
+
 _LOST = 0.25
 """Seconds after which a message that has not arrived counts as lost, if nothing moves."""
 
@@ -298,7 +301,10 @@ class Leader:
         told, looks = False, 0
         while not self._closing.is_set():
             if any(each.state.version != each.version for each in self._seats):
+                same = {each.name for each in self._seats if 0 <= each.state.version - each.version < _CHANGES}
+                before = self._balance
                 self._count_anew()
+                self._balance.take_over(before, {name: each for name, each in self._numbers().items() if name in same})
             numbers = self._numbers()
             flows = self._balance.under_way(numbers)
             concerned = {name for flow in flows for name, _ in flow.concerned}

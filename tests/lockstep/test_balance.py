@@ -38,6 +38,26 @@ def test_a_subscriber_of_several_publishers_handles_the_messages_of_all() -> Non
     assert len(under_way(found, left=2, right=3, eye=4)) == 1
 
 
+def test_what_was_published_is_under_way_also_when_the_publication_has_been_removed() -> None:
+    left, right = Counter(Way.Publishes, ["left/LaserPub/push"]), Counter(Way.Publishes, ["right/LaserPub/push"])
+    eye = [Counter(Way.Hears, ["*/LaserPub/push"])]
+    before = Balance({"world": [left, right], "eye": eye})
+    gone = Counter(Way.Publishes, [])
+    found = Balance({"world": [left, gone, right], "eye": eye})  # removed, and added again
+    found.take_over(before, {"world": (3, 3, 5), "eye": (4,)})
+    assert found.under_way({"world": (3, 3, 5), "eye": (5,)})
+    assert not found.under_way({"world": (3, 3, 5), "eye": (6,)})
+    assert found.under_way({"world": (3, 3, 6), "eye": (6,)})
+
+
+def test_messages_of_a_component_that_has_left_are_not_waited_for() -> None:
+    eye = Counter(Way.Hears, [TOPIC])
+    found = balance(eye=eye)
+    found.take_over(balance(world=Counter(Way.Publishes, [TOPIC]), eye=eye), {"eye": (1,)})
+    assert not found.ahead({"eye": (0,)})
+    assert under_way(found, eye=1) == []
+
+
 def test_a_component_does_not_wait_for_its_own_publications() -> None:
     own = [Counter(Way.Publishes, ["a/LaserPub/push"]), Counter(Way.Hears, ["*/LaserPub/push"])]
     assert Balance({"a": own}).under_way({"a": (3, 0)}) == []
