@@ -250,7 +250,7 @@ def results(each: Provided, returned: Any) -> Values:
 
 
 def _open(running: T | None) -> T:
-    """Raises Closed if there is none."""
+    """What runs. Raises Closed if the environment is closed."""
     if running is None:
         raise Closed("the environment is closed: call `reset`")
     return running

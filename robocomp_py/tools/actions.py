@@ -120,7 +120,7 @@ def outcome(goal: Goal[Any, Any], action: Action, timeout: float) -> dict[str, A
 
 
 def shown_feedback(action: Action, told: Any) -> Any:
-    """Feedback of a goal as JSON; None if there is none."""
+    """Feedback of a goal as JSON; None if the goal has sent no feedback."""
     if told is None or action.feedback is None:
         return None
     fields = action.feedback.fields

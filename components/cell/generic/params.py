@@ -28,7 +28,7 @@ class BodiesItem(Parameters):
     # mm/s: the speed of the surface of a plane along its z; 0: none, -100000.0 to
     # 100000.0
     belt: float = 0.0
-    # mm: how far a suction cup or magnet reaches; -1: it is none, -1.0 to 1000.0
+    # mm: how far a suction cup or magnet reaches; -1: neither, -1.0 to 1000.0
     suction: float = -1.0
 
     __spec__: ClassVar[ParameterSet]
@@ -84,7 +84,7 @@ BodiesItem.__spec__ = ParameterSet(
             -1.0,
             minimum=-1.0,
             maximum=1000.0,
-            description="mm: how far a suction cup or magnet reaches; -1: it is none",
+            description="mm: how far a suction cup or magnet reaches; -1: neither",
         ),
     ),
     python=BodiesItem,

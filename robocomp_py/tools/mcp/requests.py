@@ -212,7 +212,10 @@ class Requests:
         return {path: channels for path, channels in found.items() if channels}
 
     def _heard(self, network: Network, instance: str, interface: str, operation: str) -> list[Channel]:
-        """What an instance subscribes to. For one that hears any publisher, and there is none, a name of its own."""
+        """The topics that an instance subscribes to.
+
+        A subscriber of any publisher may have no publisher. Its topic then gets a name of this program.
+        """
         patterns = {
             each.told.channel
             for each in network.ends

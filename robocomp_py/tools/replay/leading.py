@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -126,7 +127,7 @@ class _Links:
         return ports.Route(first.transport, first.middleware, channel, DEFAULT_QOS, _DEADLINE, tuple(others))
 
 
-class Led:
+class Led(ABC):
     """A replay whose messages follow a clock that it leads."""
 
     def __init__(self, access: Access, clock: Followed, parts: Sequence[Part], send: Send, speed: float) -> None:
@@ -137,6 +138,7 @@ class Led:
         self._settings = Settings(f"/{clock.leader}", clock=ClockSettings(f"/{clock.leader}", followers, speed))
         self.sent = 0
 
+    @abstractmethod
     def play(
         self, messages: Iterable[Upcoming], keys: Keys, show: Callable[[ClockState, int], object], *, is_paused: bool
     ) -> None:
@@ -144,7 +146,6 @@ class Led:
 
         Raises RobocompError if the clock stops.
         """
-        raise NotImplementedError
 
     def _press(self, clock: Clock, key: str, due: int) -> None:
         """Do what a key says; the next message is due at that instant."""
