@@ -53,6 +53,13 @@ def moved(pose: Pose, speed: Speed, time: float) -> Pose:
     )
 
 
+def in_parent(pose: Pose, speed: Speed, time: float) -> tuple[float, float]:
+    """The mean speeds along z and x of the parent of a base, mm/s, while it drives for some seconds."""
+    turn = pose.turn + speed.turn * time / 2
+    sine, cosine = math.sin(turn), math.cos(turn)
+    return speed.ahead * cosine - speed.aside * sine, speed.ahead * sine + speed.aside * cosine
+
+
 def between(pose: Pose, other: Pose, time: float) -> Speed:
     """The constant speed that leads from one pose to another in some seconds: the inverse of `moved`."""
     half = (other.turn - pose.turn) / 2

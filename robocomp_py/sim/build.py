@@ -76,6 +76,8 @@ class Base:
     """Which geoms are part of it, shape (number of geoms,)."""
     servo: int
     """The first of its three servos, of speeds ahead, aside and in turn: numbers of the vector of controls."""
+    is_tilted: bool
+    """By its own `rx`. Then the first two servos have speeds along z and x of its parent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +192,7 @@ def build(
         if body.name != "world":
             _weigh(building, body)
     for name in building.bases:
-        servos.add_to_base(spec, _PREFIX + name)
+        servos.add_to_base(spec, _PREFIX + name, is_tilted=_is_tilted(tree.node(name)))
     for name in building.joints:
         servos.add_to_joint(spec, _PREFIX + name)
     for name in (each for each, values in building.parameters.items() if "suction" in values):
@@ -528,7 +530,11 @@ def _base(model: mujoco.MjModel, node: Node) -> Base:
     noise, collides = _number(node.values["noise"]), bool(node.values["collide"])
     servo = model.actuator(servos.of_base(_PREFIX + node.id)).id
     shapes = _shapes(model, _PREFIX + node.id)
-    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, shapes, servo)
+    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, shapes, servo, _is_tilted(node))
+
+
+def _is_tilted(base: Node) -> bool:
+    return _three(base, "r")[0] != 0.0
 
 
 def _shapes(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:

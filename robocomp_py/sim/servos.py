@@ -1,7 +1,8 @@
 """The servos of robots: what their motors do while physics is on.
 
 A base has three servos of speeds, ahead, aside and in turn, on a site in its frame: commands need no frame of the
-world. A joint has a servo that holds it at a position, and lets it move without delay.
+world. A base that its own `rx` tilts drives in the plane of its parent, which no site in its frame has: its first two
+servos act along z and x of the parent. A joint has a servo that holds it at a position, and lets it move without delay.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ _TRACTION = 9.81
 """The most force of a base for each kg of the robot, N: that of wheels whose friction is 1."""
 _PARTS = {"ahead": (1, 0, 0, 0, 0, 0), "aside": (0, -1, 0, 0, 0, 0), "turn": (0, 0, 0, 0, 0, -1)}
 """Of a base: the directions of its servos in the axes of MuJoCo."""
+_SLIDES = {"ahead": "z", "aside": "x"}
+"""Of a base that is tilted: the joints on which its servos act."""
 
 
 def of_base(base: str) -> str:
@@ -26,10 +29,13 @@ def of_base(base: str) -> str:
     return f"{base}.ahead"
 
 
-def add_to_base(spec: mujoco.MjSpec, base: str) -> None:
+def add_to_base(spec: mujoco.MjSpec, base: str, *, is_tilted: bool) -> None:
     spec.body(base).add_site(name=base)
     for part, direction in _PARTS.items():
         servo = spec.add_actuator(name=f"{base}.{part}", trntype=mujoco.mjtTrn.mjTRN_SITE, target=base, gear=direction)
+        if is_tilted and part in _SLIDES:
+            servo.trntype, servo.target = mujoco.mjtTrn.mjTRN_JOINT, f"{base}.{_SLIDES[part]}"
+            servo.gear = (1, 0, 0, 0, 0, 0)
         servo.set_to_velocity(kv=1.0)
         servo.forcelimited = True
         servo.forcerange = -1.0, 1.0
@@ -59,7 +65,7 @@ def tune(model: mujoco.MjModel, start: Array, forces: Mapping[str, float]) -> No
     tick = model.opt.timestep
     for number in range(model.nu):
         name, target = model.actuator(number).name, model.actuator_trnid[number, 0]
-        if model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT:
+        if model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT and model.joint(target).name == name:
             inertia, stiffness = inertias[(model.jnt_dofadr[target],) * 2], _STIFFNESS / tick
             gain, damping = inertia * stiffness**2, 2.0 * inertia * stiffness
             model.actuator_gainprm[number, 0] = gain

@@ -29,7 +29,7 @@ from ..innermodel.pictures import MOST_SHOWN, Pixels
 from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
-from .bases import Drive, Pose, Speed, between, moved
+from .bases import Drive, Pose, Speed, between, in_parent, moved
 from .build import Scene, build, rebuilt
 from .devices.imu import Inertia, Inertial
 from .devices.imu import read as read_imu
@@ -758,9 +758,12 @@ class World:
         for name, drive in self._drives.items():
             began[name] = pose = self._pose(name)
             self._expire(drive, pose)
-            if told.get(name) is not drive.speed or name in self._noise:
+            base = self._scene.bases[name]
+            if told.get(name) is not drive.speed or name in self._noise or base.is_tilted:
                 ahead, aside, turn = map(operator.mul, drive.speed, self._factors(name))
-                servo = self._scene.bases[name].servo
+                if base.is_tilted:
+                    ahead, aside = in_parent(pose, Speed(ahead, aside, turn), self._tick)
+                servo = base.servo
                 ctrl[servo : servo + 3] = ahead / 1000.0, aside / 1000.0, turn
                 told[name] = drive.speed
         mujoco.mj_step(self._scene.model, self._data)

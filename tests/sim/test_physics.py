@@ -159,6 +159,23 @@ def test_a_robot_drives_over_a_floor_of_several_parts_that_it_touches(tmp_path: 
     )
     hall.drive("base", ahead=1000)
     hall.step(1000)
+@pytest.mark.parametrize("tilt", [0.5, -1.0, math.pi / 2])
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_base_that_is_tilted_drives_in_the_plane_of_its_parent(tilt: float, turn: float, tmp_path: Path) -> None:
+    """It leans, as on a mount, and is as fast as any other."""
+    text = (
+        f'<innerModel><omnirobot id="base" rx="{tilt}"><plane id="seat" size="300,300,300"/></omnirobot></innerModel>'
+    )
+    hall = world(tmp_path, text, hold=0)
+    hall.drive("base", ahead=400, aside=-300, turn=turn)
+    hall.step(40)
+    before = hall.odometry("base")
+    hall.step(200)
+    wanted = moved(before, Speed(400, -300, turn), 1.0)
+    assert tuple(hall.odometry("base")) == pytest.approx(tuple(wanted), abs=5)  # a lag in bends, as that of any base
+    assert hall.matrix("base")[:3, 3] == pytest.approx((wanted.x, 0, wanted.z), abs=5)
+
+
     assert hall.matrix("base")[2, 3] == pytest.approx(2800, abs=2)  # the post stops it
 
 
