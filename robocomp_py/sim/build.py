@@ -132,6 +132,10 @@ class Scene:
         """The nodes that can move within their parents, parents first."""
         return [name.removeprefix(_PREFIX) for name in self.made_by.trees]
 
+    def node_of(self, body: int) -> str:
+        """The node that became a body."""
+        return str(self.model.body(body).name.removeprefix(_PREFIX))
+
 
 @dataclass(slots=True)
 class Building:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 
 import mujoco
+import numpy as np
 
 from ..innermodel.tree import Tree
 from .build import Scene
@@ -28,6 +29,10 @@ def carry(old: Scene, before: mujoco.MjData, new: Scene, after: mujoco.MjData) -
         freedom, was = new.model.jnt_dofadr[number], old.model.jnt_dofadr[found]
         for name in ("qvel", "qacc_warmstart"):
             getattr(after, name)[freedom : freedom + freedoms] = getattr(before, name)[was : was + freedoms]
+    for number in np.flatnonzero(before.xfrc_applied.any(axis=1)).tolist():
+        found = mujoco.mj_name2id(new.model, mujoco.mjtObj.mjOBJ_BODY, old.model.body(number).name)
+        if found >= 0:
+            after.xfrc_applied[found] = before.xfrc_applied[number]
     for number in range(new.model.nu):
         found = mujoco.mj_name2id(old.model, mujoco.mjtObj.mjOBJ_ACTUATOR, new.model.actuator(number).name)
         if found >= 0:

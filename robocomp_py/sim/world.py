@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import logging
 import math
 import operator
 import struct
@@ -37,6 +38,7 @@ from .devices.laser import Laser
 from .devices.lidar import Lidar, is_lidar
 from .devices.touch import Touch
 from .edits import carry, fingerprint
+from .falling import DEEPEST, EVERY, caught, let_go
 from .grippers import hold, nearest
 from .joints import At, Motor, To
 from .joints import moved as motor_moved
@@ -68,6 +70,7 @@ _BAD_ACCELERATION = int(mujoco.mjtWarning.mjWARN_BADQACC)
 
 T = TypeVar("T")
 
+log = logging.getLogger("robocomp.sim")
 
 _logging = mujoco.MjLogConfig.get()
 _logging.logto_file = False  # of warnings, into the folder of whatever imports this: exceptions tell them
@@ -165,6 +168,7 @@ class World:
             if is_lidar(parameters.get(name, {}))
         }
         self._movable = list(self._scene.movable)
+        self._free = np.flatnonzero(self._scene.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._lenses = {name: lens_of(tree.node(name)) for name in cameras(tree)}
         self._displays = dict.fromkeys(name for name, tag in tags.items() if tag == "display")
         self._imus = {name: self._scene.frames[name] for name, tag in tags.items() if tag == "imu"}
@@ -265,6 +269,7 @@ class World:
             turn = axes.rotation_to_simulation(world[:3, :3])
             mujoco.mju_mat2Quat(self._data.qpos[place + 3 : place + 7], turn.ravel())
             self._data.qvel[freedom : freedom + 6] = 0.0
+            let_go(model, self._data, joint.id)
         self._update()
 
     def _overlaps(self) -> dict[tuple[str, str], float]:
@@ -770,8 +775,13 @@ class World:
         warnings = self._data.warning.number
         if warnings[_BAD_POSITION] or warnings[_BAD_VELOCITY] or warnings[_BAD_ACCELERATION]:
             raise SimulationError(
-                f"physics became unstable after {self.time:.3f} s: shapes may overlap, or masses may differ too much"
+                f"physics became unstable after {self.time:.3f} s, at `{self._unstable()}`: "
+                "shapes may overlap, or masses may differ too much"
             )
+        if self._ticks % EVERY == 0:
+            for body in caught(self._scene.model, self._data, self._free):
+                text = "`%s` has fallen %g m below the scene after %.1f s, and stays there"
+                log.warning(text, self._scene.node_of(body), DEEPEST, self.time)
         for name, before in began.items():
             after = self._pose(name)
             if after == before:
@@ -781,6 +791,16 @@ class World:
             is_corrected = drive.corrected != drive.odometry
             drive.odometry = moved(drive.odometry, by_wheels, self._tick)
             drive.corrected = moved(drive.corrected, by_wheels, self._tick) if is_corrected else drive.odometry
+
+    def _unstable(self) -> str:
+        """The node of the first body that has no place, speed or acceleration any more."""
+        model, warnings = self._scene.model, self._data.warning
+        if warnings.number[_BAD_POSITION]:
+            joint = np.searchsorted(model.jnt_qposadr, warnings.lastinfo[_BAD_POSITION], side="right") - 1
+        else:
+            kind = _BAD_VELOCITY if warnings.number[_BAD_VELOCITY] else _BAD_ACCELERATION
+            joint = model.dof_jntid[warnings.lastinfo[kind]]
+        return self._scene.node_of(int(model.jnt_bodyid[joint]))
 
     def _expire(self, drive: Drive, pose: Pose) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
