@@ -36,7 +36,7 @@ class State:
 
 @dataclass(frozen=True)
 class Transition:
-    """From one state to another; `events` are the names (`go`, `error.*`, `*`) that have it taken besides its own."""
+    """From one state to another; `events` are the names (`go`, `error.*`, `*`) that trigger it besides its own."""
 
     source: str
     target: str

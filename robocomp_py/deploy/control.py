@@ -353,7 +353,7 @@ class Request:
 
 
 def read_request(line: bytes) -> Request:
-    """Raises DeploymentError, with a sentence for people, if it is none."""
+    """Raises DeploymentError, with a message for people, if it is not a request."""
     try:
         found = json.loads(line)
     except (ValueError, RecursionError) as exc:

@@ -1,4 +1,4 @@
-"""State machines as SVG: states within states, dashed lines between regions, arrows with what has them taken."""
+"""State machines as SVG: states within states, dashed lines between regions, arrows labelled with their triggers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MARGIN, _PADDING, _TITLE, _BOX = 16.0, 16.0, 28.0, 34.0
 _LOOP = 26.0
 """Width of the arrow from a state to itself, in pixels."""
 _LANE = 20.0
-"""The height of what an arrow between two regions needs below them."""
+"""Height below the regions for one arrow between two of them, in pixels."""
 _BEGIN = "*"
 """The mark from which an arrow leads to the initial state."""
 

@@ -186,7 +186,7 @@ class _Stage:
 
 
 def chosen(wanted: str, egl: Callable[[], bool], osmesa: Callable[[], bool]) -> str:
-    """The name that MuJoCo has for what gives it OpenGL: `egl` or `osmesa`.
+    """The library that provides OpenGL, by the name that MuJoCo has for it: `egl` or `osmesa`.
 
     `wanted` is the value of MUJOCO_GL. Raises ConfigurationError if there is none.
     """

@@ -57,8 +57,8 @@ def tellers(network: Network, channels: Iterable[Channel], *, served: bool) -> l
 def seen(channels: Iterable[Channel], message: Any, *, served: bool) -> tuple[Seen | None, int]:
     """A message of `IntrospectionPub.called` as JSON, and the number of calls before it that are not told.
 
-    None if it is a call of another channel, if the other side tells of it, or if it is none: it comes from another
-    process, so it may be anything.
+    None if it is a call of another channel, if the other side tells of it, or if it is not a call: another process
+    may send anything.
     """
     call = message.get("call") if isinstance(message, Mapping) else None
     if not isinstance(call, Mapping):

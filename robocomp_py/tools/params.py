@@ -81,7 +81,7 @@ def allowed(setting: Setting) -> str:
 
 
 def typed(setting: Setting) -> Any:
-    """Its value as JSON and YAML have it; its text if that is none of its type."""
+    """Its value as in JSON and YAML; the text itself if it is not a value of its type."""
     try:
         match setting.type:
             case "int":

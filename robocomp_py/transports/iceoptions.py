@@ -93,7 +93,7 @@ class IceProxy:
 
 
 def parse_proxy(text: str) -> IceProxy:
-    """What a proxy string says; raises ValueError with the reason, for people, if it is none."""
+    """The parts of a proxy string. Raises ValueError, with a message for people, if it is not one."""
     head, *endpoints = _split(text)
     words = _words(head)
     if not words:

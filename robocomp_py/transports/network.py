@@ -106,7 +106,7 @@ class Helper:
 
 @dataclass(frozen=True)
 class Fault:
-    """Something wrong, in the terms of a diagnostic. `instance` is the one to blame; "" if it is none."""
+    """An error, in the terms of a diagnostic. `instance` is the one that causes it; "" if no instance does."""
 
     code: str
     message: str

@@ -32,7 +32,7 @@ _UNDER_WAY = 10_000
 
 Answer = Callable[[Reply], object]
 
-Asked = tuple[int, int]
+RequestId = tuple[int, int]
 """A client, and its number for the request."""
 
 
@@ -45,34 +45,34 @@ class Replies:
         self._kept: OrderedDict[int, OrderedDict[int, Reply]] = OrderedDict()
         """By client; the one that got the latest reply is the last."""
         self._octets = 0
-        self._under_way: OrderedDict[Asked, Answer] = OrderedDict()
+        self._under_way: OrderedDict[RequestId, Answer] = OrderedDict()
 
-    def begun(self, asked: Asked, answer: Answer) -> Answer:
+    def begin(self, request: RequestId, answer: Answer) -> Answer:
         """Note that a request will be executed; returns the function to call with its reply."""
         with self._lock:
-            self._under_way[asked] = answer
+            self._under_way[request] = answer
             if len(self._under_way) > _UNDER_WAY:  # some never get a reply
                 self._under_way.popitem(last=False)
 
-        def answered(reply: Reply) -> None:
-            self.keep(asked, reply)  # first, so that a repetition at this moment finds the request or its reply
+        def keep_and_answer(reply: Reply) -> None:
+            self.keep(request, reply)  # first, so that a repetition at this moment finds the request or its reply
             with self._lock:
-                where = self._under_way.pop(asked, answer)
-            where(reply)
+                latest = self._under_way.pop(request, answer)
+            latest(reply)
 
-        return answered
+        return keep_and_answer
 
-    def again(self, asked: Asked, answer: Answer) -> Callable[[], object] | None:
+    def repeat(self, request: RequestId, answer: Answer) -> Callable[[], object] | None:
         """What to do about a repeated request; None if it is not known any more."""
         with self._lock:
-            if asked in self._under_way:
-                self._under_way[asked] = answer
+            if request in self._under_way:
+                self._under_way[request] = answer
                 return _nothing
-        reply = self.find(asked)
+        reply = self.find(request)
         return None if reply is None else lambda: answer(reply)
 
-    def keep(self, asked: Asked, reply: Reply) -> None:
-        client, number = asked
+    def keep(self, request: RequestId, reply: Reply) -> None:
+        client, number = request
         size = _size(reply.payload)
         if size > LARGEST:
             return
@@ -90,8 +90,8 @@ class Replies:
                 if not self._kept[oldest]:
                     del self._kept[oldest]
 
-    def find(self, asked: Asked) -> Reply | None:
-        client, number = asked
+    def find(self, request: RequestId) -> Reply | None:
+        client, number = request
         with self._lock:
             replies = self._kept.get(client)
             return replies.get(number) if replies else None

@@ -126,8 +126,8 @@ class Server(ServingLink):
         if not (request.flags & Flag.IDEMPOTENT and self.channel.idempotent):
             return self.accept(payload, expires, answer) if new else None
         asked = request.client, request.sequence
-        known = None if new else self._replies.again(asked, answer)
-        return known or self.accept(payload, expires, self._replies.begun(asked, answer))
+        known = None if new else self._replies.repeat(asked, answer)
+        return known or self.accept(payload, expires, self._replies.begin(asked, answer))
 
     def accept(self, payload: Payload, expires: float, answer: Callable[[Reply], object]) -> Job | None:
         return partial(self._serve, payload, expires, answer)

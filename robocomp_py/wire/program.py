@@ -191,7 +191,7 @@ def is_record(kind: Struct) -> bool:
 
 
 def _blanks(made: type[Any], count: int) -> list[Any]:
-    pause = _COLLECTS_MEANWHILE and count > _YOUNG and gc.isenabled()
+    pause = _COLLECTS_OFTEN and count > _YOUNG and gc.isenabled()
     try:
         if pause:
             gc.disable()
@@ -201,11 +201,11 @@ def _blanks(made: type[Any], count: int) -> list[Any]:
             gc.enable()
 
 
-_COLLECTS_MEANWHILE = sys.version_info < (3, 12)
-"""Whether Python looks for garbage again and again while nothing but new objects come into being."""
+_COLLECTS_OFTEN = sys.version_info < (3, 12)
+"""Whether the garbage collector also runs repeatedly while objects are only created."""
 
 _YOUNG = 700
-"""So many of them have it look, usually."""
+"""New objects after which it runs by default."""
 
 
 def _height(kind: Type, known: dict[int, int]) -> int:

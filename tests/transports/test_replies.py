@@ -12,8 +12,8 @@ def ok(payload: bytes) -> Reply:
 
 def test_a_repeated_request_is_answered_as_the_first_one_was() -> None:
     replies, first, second = Replies(), list[Reply](), list[Reply]()
-    replies.begun((7, 1), first.append)(ok(b"a"))
-    again = replies.again((7, 1), second.append)
+    replies.begin((7, 1), first.append)(ok(b"a"))
+    again = replies.repeat((7, 1), second.append)
     assert again is not None
     again()
     assert first == second == [ok(b"a")]
@@ -21,8 +21,8 @@ def test_a_repeated_request_is_answered_as_the_first_one_was() -> None:
 
 def test_while_a_request_is_under_way_its_reply_goes_to_where_it_was_last_asked_for() -> None:
     replies, first, second = Replies(), list[Reply](), list[Reply]()
-    answer = replies.begun((7, 1), first.append)
-    again = replies.again((7, 1), second.append)
+    answer = replies.begin((7, 1), first.append)
+    again = replies.repeat((7, 1), second.append)
     assert again is not None
     again()
     answer(ok(b"a"))
@@ -32,12 +32,12 @@ def test_while_a_request_is_under_way_its_reply_goes_to_where_it_was_last_asked_
 def test_a_request_repeated_while_its_reply_is_being_kept_is_not_executed_again() -> None:
     class Slow(Replies):
         def keep(self, asked: tuple[int, int], reply: Reply) -> None:
-            known.append(self.again(asked, second.append) is not None)
+            known.append(self.repeat(asked, second.append) is not None)
             super().keep(asked, reply)
-            known.append(self.again(asked, second.append) is not None)
+            known.append(self.repeat(asked, second.append) is not None)
 
     known, first, second = list[bool](), list[Reply](), list[Reply]()
-    Slow().begun((7, 1), first.append)(ok(b"a"))
+    Slow().begin((7, 1), first.append)(ok(b"a"))
     assert known == [True, True]
     assert (first, second) == ([], [ok(b"a")])
 
@@ -49,7 +49,7 @@ def test_of_each_client_the_last_replies_are_kept() -> None:
             replies.keep((client, number), ok(b"%d" % number))
     assert [replies.find((1, number)) for number in (44, 45, 300)] == [None, ok(b"45"), ok(b"300")]
     assert replies.find((2, 45)) == ok(b"45")
-    assert replies.again((1, 44), list[Reply]().append) is None
+    assert replies.repeat((1, 44), list[Reply]().append) is None
 
 
 def test_their_memory_is_bounded() -> None:

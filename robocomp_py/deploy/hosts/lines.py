@@ -78,7 +78,7 @@ class Misunderstood(DeploymentError):
 
 
 class Lines:
-    """Takes what comes in pieces apart. Raises Misunderstood if it is none of ours."""
+    """Splits a stream into lines. Raises Misunderstood if it is not one of ours."""
 
     def __init__(self, longest: int) -> None:
         """`longest`: octets that a line may have."""

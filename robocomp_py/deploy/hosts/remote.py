@@ -406,7 +406,7 @@ class _Told:
         self._waiting: deque[Message] = deque()
 
     async def next(self, *, noise: bool = False) -> Message | None:
-        """What comes next; None if nothing does any more. With `noise`, what is none of ours may come before.
+        """The next message; None at the end. With `noise`, other output may come before it.
 
         Raises OSError, asyncssh.Error, and DeploymentError if it is not understood.
         """

@@ -146,7 +146,7 @@ class Publisher(Link, SupportsSubscribers):
         if missing and missing not in self._unmet:
             self._unmet.add(missing)
             log.warning(
-                "%s: a subscriber asks for more %s than is offered here; if it is none of ours, it hears nothing. "
+                "%s: a subscriber asks for more %s than is offered here; one of another framework hears nothing. "
                 "Let it ask for less, or this port offer more in its `qos`",
                 self.channel.name,
                 missing,

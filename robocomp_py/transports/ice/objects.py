@@ -262,7 +262,7 @@ class _Servant(BlobjectAsync):  # type: ignore[misc]  # Ice has no types
         return answer or (True, NOTHING)
 
     def _about_itself(self, operation: str, payload: bytes) -> tuple[bool, bytes]:
-        """PendingReply the operations that every Ice object has."""
+        """Answer the operations that every Ice object has."""
         ids = sorted({*self._ids(), OBJECT})
         match operation:
             case "ice_ping":

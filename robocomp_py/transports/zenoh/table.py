@@ -28,11 +28,11 @@ def owned(instance: str) -> str:
 
 def same_transport(link: int, other: int) -> bool:
     """Whether two ids are of links of one transport."""
-    return link >> NUMBERS == other >> NUMBERS
+    return link >> LINK_BITS == other >> LINK_BITS
 
 
-NUMBERS = 24
-"""Bits of the id of a link that number the links of its transport."""
+LINK_BITS = 24
+"""The lowest bits of the id of a link, which number the links of its transport."""
 
 _AHEAD = re.compile(r"w([0-9]{1,9})")
 
@@ -73,7 +73,7 @@ class Token(NamedTuple):
     @property
     def transport(self) -> int:
         """The number of the transport that the link belongs to."""
-        return self.link >> 24
+        return self.link >> LINK_BITS
 
     @property
     def text(self) -> str:

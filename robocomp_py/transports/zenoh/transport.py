@@ -47,7 +47,7 @@ from .reachability import Reachability
 from .refusal import why_refused
 from .server import CommandInlet, Server
 from .session import HERE, Network, as_transport_error, named_router, shared_router
-from .table import NUMBERS, Table, Token
+from .table import LINK_BITS, Table, Token
 from .telling import WHO, owner_of, who
 from .tls import NUMBER_BITS, checked, client_settings, number, rights
 from .topics import Publisher, Subscriber
@@ -138,7 +138,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         self._work.put(job)
 
     def new_id(self) -> int:
-        return self._id << NUMBERS | next(self._numbers)
+        return self._id << LINK_BITS | next(self._numbers)
 
     def has_left(self, channel: str) -> bool:
         """Whether a server on this host has left though its token is still visible. False for routers elsewhere."""
@@ -148,7 +148,7 @@ class ZenohTransport(BaseTransport[Token], SupportsHost):
         return self.table.find(role, channel)
 
     def is_own(self, peer: Token) -> bool:
-        return peer.link >> NUMBERS == self._id
+        return peer.link >> LINK_BITS == self._id
 
     def may_use(self, token: Token) -> bool:
         """Whether our keys allow this link. The router silently drops messages that they do not allow."""
