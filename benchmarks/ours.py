@@ -15,6 +15,7 @@ from robocomp_py.contract.types import UINT8, Field, Sequence
 from robocomp_py.errors import Timeout
 from robocomp_py.runtime import ports
 from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.runtime.route import Route, Router
 from robocomp_py.transports.base import Link, Transport, TransportConfig, find_transport
 
 from .parties import PATIENCE, Array, Hear, Place, stamp
@@ -113,9 +114,9 @@ class Near:
         self._transport.close()
 
 
-def route(transport: Transport, depth: int, within: str = "benchmark") -> ports.Router:
+def route(transport: Transport, depth: int, within: str = "benchmark") -> Router:
     qos = QoS(Reliability.RELIABLE, depth=depth)
-    return lambda port, operation: ports.Route(
+    return lambda port, operation: Route(
         transport, "", f"{within}/{port.interface.short}/{operation.name}", qos, PATIENCE
     )
 

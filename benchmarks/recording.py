@@ -26,6 +26,7 @@ from robocomp_py.contract.interface import Interface, Operation, Verb
 from robocomp_py.contract.qos import QoS
 from robocomp_py.runtime import ports
 from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.runtime.route import Route
 from robocomp_py.transports.base import Link, TransportConfig, find_transport
 
 from .goals import Finding, failed
@@ -153,9 +154,9 @@ def _largest(pid: int) -> float:
 def _publish(control: Control, middleware: str, name: str, seconds: float) -> None:
     transport, monitor, links = find_transport(middleware)(TransportConfig(owner=name)), Monitor(), list[Link]()
 
-    def route(port: Port, operation: Operation[Any]) -> ports.Route:
+    def route(port: Port, operation: Operation[Any]) -> Route:
         channel = f"{name}/{port.interface.short}/{operation.name}"
-        return ports.Route(transport, "", channel, QoS(), PATIENCE)
+        return Route(transport, "", channel, QoS(), PATIENCE)
 
     def publishes(operation: Operation[None]) -> Callable[[np.ndarray[Any, Any]], object]:
         port = Port(Verb.PUBLISHES, Interface(operation.interface, (operation,)), proxy=ports.Proxy)

@@ -14,6 +14,7 @@ from typing import Any
 from robocomp_py.contract.qos import QoS
 from robocomp_py.runtime import ports
 from robocomp_py.runtime.monitor import Monitor
+from robocomp_py.runtime.route import Route, Router
 from robocomp_py.transports.base import Link, Transport, gathering, wait_connected
 
 from ..ours import IMPLEMENTS, PUBLISHES, REQUIRES, SUBSCRIBES, Handlers, echo, news
@@ -107,8 +108,8 @@ def _inside(monitor: Monitor) -> Iterator[None]:
         monitor.leave()
 
 
-def _route(transport: Transport, number: int) -> ports.Router:
-    return lambda port, operation: ports.Route(
+def _route(transport: Transport, number: int) -> Router:
+    return lambda port, operation: Route(
         transport, "", f"benchmark/c{number}/{port.interface.short}/{operation.name}", QoS(), PATIENCE
     )
 

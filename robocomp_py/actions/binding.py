@@ -22,6 +22,7 @@ from ..errors import DecodeError
 from ..runtime import ports
 from ..runtime.calls import Handler
 from ..runtime.monitor import Monitor
+from ..runtime.route import Route
 from ..transports.base import Link, Reply
 from ..wire.codec import Payload
 from .client import ActionProxy, GoalClient
@@ -36,7 +37,7 @@ log = logging.getLogger("robocomp.worker")
 _TELLING = 0.5
 """Seconds within which clients have to take the states of goals; then they learn them by their next request."""
 
-Routes = Callable[[Port, Operation[Any], str], ports.Route]
+Routes = Callable[[Port, Operation[Any], str], Route]
 """The way of a part of an action: of that port, that part, and the name of the action."""
 
 
@@ -61,7 +62,7 @@ class Surroundings:
 class Connected:
     """The links of the actions of one port, and their routes."""
 
-    routes: list[ports.Route] = field(default_factory=list)
+    routes: list[Route] = field(default_factory=list)
     called: list[Link] = field(default_factory=list)
     """Those that need a server."""
     others: list[Link] = field(default_factory=list)
@@ -138,11 +139,11 @@ def connect(port: Port, proxy: ActionProxy, route: Routes, around: Surroundings,
 class _Routing:
     """The routes of the parts of a port's actions. Notes them in order."""
 
-    def __init__(self, port: Port, route: Routes, noted: list[ports.Route]) -> None:
+    def __init__(self, port: Port, route: Routes, noted: list[Route]) -> None:
         self._port, self._route, self._noted = port, route, noted
         self._actions = {part.name: each.name for each in port.interface.actions for part in each.parts}
 
-    def __call__(self, port: Port, operation: Operation[Any]) -> ports.Route:
+    def __call__(self, port: Port, operation: Operation[Any]) -> Route:
         route = self._route(self._port, operation, self._actions[operation.name])
         if operation.pattern is Pattern.PUBLISH:
             qos = qos_of(operation)
@@ -165,7 +166,7 @@ def _server(port: Port, action: Action, worker: object, proxy: ports.Proxy, arou
     return GoalServer(action, policy, method, tell, around.seconds, around.times, action.goal or ServerGoal)
 
 
-def _serve_results(action: Action, server: GoalServer, route: ports.Route, links: list[Link]) -> None:
+def _serve_results(action: Action, server: GoalServer, route: Route, links: list[Link]) -> None:
     for each in route.all:
         handler = Handler(action.result, each.transport.codec, server.poll)
         service = partial(_answer, handler, server, server.codec(each.transport.codec))

@@ -17,7 +17,8 @@ from typing import Any
 from ..contract.component import Port
 from ..contract.interface import Pattern
 from ..runtime.loans import Loans, Memory
-from ..runtime.ports import Proxy, Route, wrap
+from ..runtime.ports import Proxy, wrap
+from ..runtime.route import Route
 from .clock import Followed
 from .RoboCompLockstep import Counter, Way
 

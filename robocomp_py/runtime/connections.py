@@ -32,6 +32,7 @@ from . import commonbehavior, introspecting, ports
 from .commonbehavior import CommonBehavior
 from .introspecting import Introspection
 from .introspection import Bound
+from .route import Route, Router
 
 if TYPE_CHECKING:
     from ..actions.binding import Surroundings
@@ -163,9 +164,9 @@ class Connections:
 
     def bind(self, port: Port, entry: Entry[Any]) -> None:
         """Connect a named instance. May be called on any thread."""
-        routes: list[ports.Route] = []
+        routes: list[Route] = []
 
-        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+        def route(port: Port, operation: Operation[Any]) -> Route:
             routes.append(self._route(port, operation, entry.name))
             return routes[-1]
 
@@ -240,10 +241,10 @@ class Connections:
         """
         self._links += ports.bind_handlers(port, handlers, self._route_to(port, instance), self._monitor, outside=True)
 
-    def _route_to(self, port: Port, instance: str) -> ports.Router:
+    def _route_to(self, port: Port, instance: str) -> Router:
         where = names.resolve(f"{instance}/{port.interface.short}", self._settings.namespace, "")
 
-        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+        def route(port: Port, operation: Operation[Any]) -> Route:
             return replace(self._route(port, operation), channel=names.channel(*where, operation.name))
 
         return route
@@ -315,9 +316,9 @@ class Connections:
             instances.begin(self)
 
     def _bind(self, port: Port) -> list[Link]:
-        routes: list[ports.Route] = []
+        routes: list[Route] = []
 
-        def route(port: Port, operation: Operation[Any]) -> ports.Route:
+        def route(port: Port, operation: Operation[Any]) -> Route:
             routes.append(self._route(port, operation))
             return routes[-1]
 
@@ -344,10 +345,10 @@ class Connections:
         routes, links = (*bound.routes, *connected.routes), (*bound.links, *connected.links)
         self.bound.append(replace(bound, routes=routes, links=links))
 
-    def _route_of_part(self, port: Port, operation: Operation[Any], action: str) -> ports.Route:
+    def _route_of_part(self, port: Port, operation: Operation[Any], action: str) -> Route:
         return self._route(port, operation, action=action)
 
-    def _route(self, port: Port, operation: Operation[Any], instance: str = "", action: str = "") -> ports.Route:
+    def _route(self, port: Port, operation: Operation[Any], instance: str = "", action: str = "") -> Route:
         """`instance` is the name of a named one, and `action` what this is a part of."""
         chosen = self._settings.port(port, action or operation.name, instance)
         if port.verb.provides:
@@ -358,7 +359,7 @@ class Connections:
         assert chosen.qos is not None
         assert chosen.deadline is not None
         middleware = self._carrier(chosen.middleware)
-        route = ports.Route(
+        route = Route(
             self._transports[middleware],
             middleware,
             names.channel(*where, operation.name),
@@ -369,7 +370,7 @@ class Connections:
             return route
         return replace(route, also=tuple(self._further(route, port, operation, way) for way in chosen.also))
 
-    def _further(self, route: ports.Route, port: Port, operation: Operation[Any], way: Way) -> ports.Route:
+    def _further(self, route: Route, port: Port, operation: Operation[Any], way: Way) -> Route:
         middleware = self._carrier(way.middleware) if way.middleware else route.middleware
         channel = route.channel
         if way.source is not None:

@@ -15,8 +15,8 @@ from ..errors import TransportError
 from ..transports.base import Link, SupportsSources
 from ..wire import names
 from .lifecycle import State
-from .ports import Route
 from .RoboCompCommonBehavior import PortStatus, Status, TimerStatus
+from .route import Route
 from .timers import Timer
 from .watching import Watched
 

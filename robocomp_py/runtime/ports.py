@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol, TypeVar, cast
 
@@ -25,7 +25,6 @@ from ..transports.base import (
     Statistics,
     Status,
     SupportsSubscribers,
-    Transport,
     TypeRef,
     about_to_block,
     require,
@@ -36,6 +35,7 @@ from .calls import Call, Handler
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
+from .route import Route, Router
 from .tally import Finish, Tally
 from .watching import Watched
 
@@ -50,25 +50,6 @@ W = TypeVar("W")
 _AT_LEAST = 0.001
 """Seconds that each middleware of a publication has at least, even if others have used up the deadline."""
 
-
-@dataclass(frozen=True)
-class Route:
-    """The transport and channel of one operation of one port."""
-
-    transport: Transport
-    middleware: str
-    channel: str
-    qos: QoS
-    deadline: float
-    also: tuple[Route, ...] = ()
-    """Further routes: over other middlewares, or to other publishers of a subscription."""
-
-    @property
-    def all(self) -> tuple[Route, ...]:
-        return (self, *self.also)
-
-
-Router = Callable[[Port, Operation[Any]], Route]
 
 _OK = Status.OK
 """A global name: to look up a member of an enumeration takes longer than to read the clock."""

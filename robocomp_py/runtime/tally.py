@@ -24,7 +24,7 @@ from ..wire import names
 
 if TYPE_CHECKING:
     from ..transports.base import Link, Reply
-    from .ports import Route
+    from .route import Route
 
 FOLDER = "ROBOCOMP_TALLY"
 

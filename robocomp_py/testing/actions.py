@@ -30,7 +30,8 @@ from ..contract.interface import Interface, Operation, Verb
 from ..contract.types import FLOAT32, INT32, STRING, ExceptionType, Field, Struct
 from ..errors import Busy, Cancelled, Closed, ContractMismatch, DeclaredError, RemoteFailure, Timeout, Unreachable
 from ..runtime.monitor import Monitor
-from ..runtime.ports import Route, close_all
+from ..runtime.ports import close_all
+from ..runtime.route import Route
 from ..transports.base import Transport
 from .parts import Victim
 from .patience import SCALE, SOON, wait_until

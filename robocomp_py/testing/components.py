@@ -38,6 +38,7 @@ from ..runtime.commonbehavior import port_of
 from ..runtime.load import load_worker
 from ..runtime.monitor import Monitor
 from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Parameter
+from ..runtime.route import Route
 from ..runtime.worker import Worker
 from ..spelling import unknown
 from ..transports.base import Channel, Link, Reply, Status, Transport
@@ -250,12 +251,12 @@ class ComponentTest:
             and (place.endswith(f"/{component.segment(port)}") if port.verb.provides else place == _source(port))
         )
 
-    def _route(self, port: Port, operation: Operation[Any]) -> ports.Route:
+    def _route(self, port: Port, operation: Operation[Any]) -> Route:
         """The way to the component, from the fake that faces one of its ports."""
         own = replace(port, verb=_OPPOSITE[port.verb], proxy=None)
         assert self._transport
         place = _source(own) if port.verb.provides else f"{names.ANY}/{self._running.component.segment(own)}"
-        return ports.Route(self._transport, "inproc", f"{place}/{operation.name}", port.qos, SOON)
+        return Route(self._transport, "inproc", f"{place}/{operation.name}", port.qos, SOON)
 
     def _proxy(self, name: str) -> tuple[ports.Proxy, Operation[Any]]:
         port, operation = self._known(name)

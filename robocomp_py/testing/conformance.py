@@ -62,6 +62,7 @@ from ..errors import (
 )
 from ..runtime import ports
 from ..runtime.monitor import MAX_SUSPENDED, Monitor
+from ..runtime.route import Route, Router
 from ..transports.base import (
     Caller,
     Capability,
@@ -1637,11 +1638,11 @@ class _Using:
             self._monitor.close()
 
 
-def _router(transport: Transport, name: str) -> ports.Router:
+def _router(transport: Transport, name: str) -> Router:
     instance = name.replace("/", "_")
 
-    def route(port: Port, operation: Operation[Any]) -> ports.Route:
-        return ports.Route(transport, "tested", f"{instance}/{port.interface.short}/{operation.name}", port.qos, SOON)
+    def route(port: Port, operation: Operation[Any]) -> Route:
+        return Route(transport, "tested", f"{instance}/{port.interface.short}/{operation.name}", port.qos, SOON)
 
     return route
 

@@ -22,7 +22,7 @@ from ..errors import Closed, TransportError
 from ..runtime.calls import Outcome
 from ..runtime.clock import SECOND
 from ..runtime.monitor import Monitor
-from ..runtime.ports import Route
+from ..runtime.route import Route
 from ..transports.base import Link, Reply, Status
 from .fakes import Late, chosen
 from .patience import SOON

@@ -25,7 +25,8 @@ from ..errors import AlreadyServed, Closed, Unreachable
 from ..runtime import settings
 from ..runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
 from ..runtime.monitor import Monitor
-from ..runtime.ports import Proxy, Route, bind_handlers, bind_proxy, close_all
+from ..runtime.ports import Proxy, bind_handlers, bind_proxy, close_all
+from ..runtime.route import Route
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..transports.base import Link, Transport

@@ -28,6 +28,7 @@ from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
 from ..errors import Timeout, UnsupportedQoS
 from ..runtime import ports
 from ..runtime.monitor import Monitor
+from ..runtime.route import Route
 from ..runtime.watch import Lost, Missed
 from ..runtime.watching import Watching
 from ..transports.base import Channel, Outlet, Transport, needs, require
@@ -321,8 +322,8 @@ class _Subscribed:
         self._watching = Watching("subscribed", lambda port, operation, event: self.told.append(event))
         port = Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=qos)
 
-        def route(port: Port, operation: Operation[Any]) -> ports.Route:
-            return ports.Route(transport, "tested", _channel(name), port.qos, SOON)
+        def route(port: Port, operation: Operation[Any]) -> Route:
+            return Route(transport, "tested", _channel(name), port.qos, SOON)
 
         self._links = ports.bind_handlers(port, self, route, self._monitor, self._watching)
         (self._watched,) = self._watching.all

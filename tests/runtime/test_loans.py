@@ -25,7 +25,8 @@ from robocomp_py.errors import Closed, EncodeError, Timeout, TransportError
 from robocomp_py.runtime.calls import Call
 from robocomp_py.runtime.loans import Loans, Memory, Shape
 from robocomp_py.runtime.monitor import Monitor
-from robocomp_py.runtime.ports import Proxy, Route, bind_proxy, has_subscribers
+from robocomp_py.runtime.ports import Proxy, bind_proxy, has_subscribers
+from robocomp_py.runtime.route import Route
 from robocomp_py.testing.everything import Arrays
 from robocomp_py.transports.base import Capability, Channel, Statistics
 from robocomp_py.wire.cdr import Cdr

@@ -24,6 +24,7 @@ from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE, Status
 from robocomp_py.runtime.RoboCompCommonBehavior import Parameter as Told_
 from robocomp_py.runtime.RoboCompCommonBehavior import State as Told
+from robocomp_py.runtime.route import Route
 from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
@@ -308,7 +309,7 @@ def asking(find: Any) -> Iterator[Callable[..., Any]]:
     def ask(port: str, interface: Any, operation: Any, *arguments: Any, wait: bool = True) -> Any:
         use = Port(Verb.REQUIRES, interface, proxy=EverythingProxy)
         proxy, links = ports.bind_proxy(
-            use, lambda _, o: ports.Route(transport, "inproc", f"{port}/{o.name}", use.qos, SOON), monitor
+            use, lambda _, o: Route(transport, "inproc", f"{port}/{o.name}", use.qos, SOON), monitor
         )
         opened.extend(links)
         for link in links:

@@ -18,6 +18,7 @@ from robocomp_py.runtime import ports, settings
 from robocomp_py.runtime.lifecycle import State as Life
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
+from robocomp_py.runtime.route import Route
 from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.statemachine import MAX_WAITING, Machine, Trigger
 from robocomp_py.runtime.worker import Worker, check_methods
@@ -450,7 +451,7 @@ def test_common_behavior_tells_the_states(tmp_path: Any) -> None:
     port = Port(Verb.REQUIRES, COMMONBEHAVIOR_INTERFACE, proxy=ports.Proxy)
     proxy, links = ports.bind_proxy(
         port,
-        lambda port, operation: ports.Route(asking, "inproc", f"game/CommonBehavior/{operation.name}", port.qos, SOON),
+        lambda port, operation: Route(asking, "inproc", f"game/CommonBehavior/{operation.name}", port.qos, SOON),
         monitor,
     )
     try:

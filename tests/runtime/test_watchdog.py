@@ -15,7 +15,7 @@ from robocomp_py.contract.interface import Pattern, Verb
 from robocomp_py.contract.qos import DEFAULT_QOS
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.notify import watchdog_s
-from robocomp_py.runtime.ports import Route
+from robocomp_py.runtime.route import Route
 from robocomp_py.runtime.tally import Tallies, Tally
 from robocomp_py.runtime.watchdog import Watchdog
 from robocomp_py.testing import everything as e

@@ -27,6 +27,7 @@ from ...lockstep.RoboCompLockstep import Counter, Way
 from ...runtime import ports
 from ...runtime.clock import NEVER, SECOND
 from ...runtime.monitor import Monitor
+from ...runtime.route import Route
 from ...runtime.settings import ClockSettings, Settings
 from ...wire import names
 from ..access import Access
@@ -119,12 +120,10 @@ class _Links:
         proxy, links = ports.bind_proxy(port, route, self._monitor)
         return proxy, partial(ports.close_all, links)
 
-    def _route(self, instance: str, over: Sequence[str], port: Port, operation: Operation[Any]) -> ports.Route:
+    def _route(self, instance: str, over: Sequence[str], port: Port, operation: Operation[Any]) -> Route:
         channel = f"{instance}/{port.interface.short}/{operation.name}"
-        first, *others = (
-            ports.Route(self._access.transport(each), each, channel, DEFAULT_QOS, _DEADLINE) for each in over
-        )
-        return ports.Route(first.transport, first.middleware, channel, DEFAULT_QOS, _DEADLINE, tuple(others))
+        first, *others = (Route(self._access.transport(each), each, channel, DEFAULT_QOS, _DEADLINE) for each in over)
+        return Route(first.transport, first.middleware, channel, DEFAULT_QOS, _DEADLINE, tuple(others))
 
 
 class Led(ABC):
