@@ -1,4 +1,4 @@
-"""Actions: operations that take long, with feedback, cancellation and a result. See `contract.action`.
+"""Actions: operations that take long, with feedback, cancellation and a result. See `contract.interface.Action`.
 
     goal     what both sides hold of a goal, and the bounds
     server   executes the goals of one action, a step at each `compute`

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..contract.action import Action
+from ..contract.interface import Action
 from .client import ActionProxy
 from .goal import Goal, ServerGoal
 

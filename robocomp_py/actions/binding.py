@@ -14,9 +14,9 @@ from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-from ..contract.action import Action, Policy, calls_of, qos_of, topics_of
 from ..contract.component import Port
-from ..contract.interface import Interface, Operation, Pattern, Verb
+from ..contract.goal import Policy
+from ..contract.interface import Action, Interface, Operation, Pattern, Verb, calls_of, qos_of, topics_of
 from ..contract.qos import DEFAULT_QOS
 from ..errors import DecodeError
 from ..runtime import ports

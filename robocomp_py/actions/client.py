@@ -14,8 +14,8 @@ from concurrent.futures import Future, wait
 from functools import partial
 from typing import Any, TypeVar
 
-from ..contract.action import OCTETS, Action, GoalState, NoResult
-from ..contract.interface import Operation
+from ..contract.goal import OCTETS, GoalState, NoResult
+from ..contract.interface import Action, Operation
 from ..errors import Busy, Cancelled, RobocompError, Timeout, TransportError, Unreachable
 from ..runtime.ports import Proxy
 from ..transports.base import about_to_block

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from ..contract.action import GoalState
+from ..contract.goal import GoalState
 from ..errors import Closed, Timeout
 
 R = TypeVar("R")

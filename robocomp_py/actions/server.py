@@ -17,8 +17,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..contract.action import OCTETS, Action, GoalState, NoResult, Policy
-from ..contract.interface import Operation
+from ..contract.goal import OCTETS, GoalState, NoResult, Policy
+from ..contract.interface import Action, Operation
 from ..errors import Cancelled, DeclaredError, TransportError
 from ..runtime.calls import Handler, Outcome
 from ..transports.base import Reply, Status

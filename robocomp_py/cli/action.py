@@ -30,7 +30,8 @@ from .live import (
 
 if TYPE_CHECKING:
     from ..actions.goal import Goal
-    from ..contract.action import Action, GoalState
+    from ..contract.goal import GoalState
+    from ..contract.interface import Action
     from ..tools.actions import Offered
     from ..tools.network import Network
     from .hosts import Hosts
@@ -137,7 +138,7 @@ def _info(options: argparse.Namespace, hosts: Hosts) -> int:
 
 
 def _cancel(options: argparse.Namespace, hosts: Hosts) -> int:
-    from ..contract.action import GoalState
+    from ..contract.goal import GoalState
     from ..tools.access import Access
 
     offered = _awaited(options, hosts)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..actions.client import GoalClient
 from ..actions.goal import Goal
-from ..contract import action as actions
-from ..contract.interface import Operation
+from ..contract import interface as contract
+from ..contract.goal import OCTETS
+from ..contract.interface import Operation, qos_of
 from ..tools.actions import Offered, action_of, told
 from ..tools.network import Channel
 from .elsewhere import FarAsking, hearing
@@ -51,7 +52,7 @@ class Action(Described):
         return self._action.inputs
 
     @cached_property
-    def _action(self) -> actions.Action:
+    def _action(self) -> contract.Action:
         parts = self._offered.parts.items()
         return action_of(
             self._offered.name, {part: self._session.types.operation(each.operation) for part, each in parts}
@@ -62,7 +63,7 @@ class Action(Described):
         session, parts, action = self._session, self._offered.parts, self._action
         queries = {"start": action.start, "result": action.result, "cancel": action.cancel}
         bound = {each.name: self._asking(parts[part], each) for part, each in queries.items()}
-        client = GoalClient((action,), bound, self._await, partial(secrets.token_bytes, actions.OCTETS))
+        client = GoalClient((action,), bound, self._await, partial(secrets.token_bytes, OCTETS))
 
         def heard(goal: Any, feedback: Any) -> None:
             client.heard(goal, feedback)
@@ -85,7 +86,7 @@ class Action(Described):
             return
         transport = self._session.transport(channel)
         decode = transport.codec.decoder(operation.request)
-        path = path_of(channel, operation, actions.qos_of(operation))
+        path = path_of(channel, operation, qos_of(operation))
         self._session.opened(
             lambda: transport.inlet(path, lambda payload: take(*decode(payload))), lambda made: made.close()
         )

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..contract.action import NO_RESULT
+from ..contract.goal import NO_RESULT
 from ..contract.interface import Operation
 from ..contract.types import (
     Dictionary,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from ..contract.action import Action
 from ..contract.component import Port
-from ..contract.interface import Interface, Operation
+from ..contract.interface import Action, Interface, Operation
 from ..contract.naming import goal_class
 from .expressions import accepted, contract, field_literals, hint, operation_doc, returns, zero
 from .layout import call, docstring, quoted, signature, spread, tuple_of

@@ -13,14 +13,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .. import installed
 from ..contract import types as t
-from ..contract.action import ports_of_actions
 from ..contract.component import Component, Port
-from ..contract.interface import Operation, Pattern
+from ..contract.interface import Interface, Operation, Pattern, Verb, calls_of, qos_of, topics_of
 from ..contract.qos import TIMES
 from ..wire import names
 from . import omgidl
@@ -73,7 +72,7 @@ def native(component: Component, middleware: str, about: str) -> dict[str, str]:
 def _uses(component: Component) -> Iterator[Use]:
     """Every channel once, in the order of the ports."""
     seen = set()
-    for whole, port in ((one, each) for one in component.ports for each in (one, *ports_of_actions(one))):
+    for whole, port in ((one, each) for one in component.ports for each in (one, *_ports_of_actions(one))):
         instance = component.name.lower() if whole.verb.provides and not port.each else names.ANY
         segment = component.segment(whole) if whole.verb.provides else port.interface.short
         for operation, pattern in port.interface.under(port.verb):
@@ -81,6 +80,18 @@ def _uses(component: Component) -> Iterator[Use]:
             if (port.verb, channel, port.middleware) not in seen:
                 seen.add((port.verb, channel, port.middleware))
                 yield Use(port, operation, pattern, channel)
+
+
+def _ports_of_actions(port: Port) -> list[Port]:
+    """Ports for the parts of its actions, as if they were operations: for its queries, and for each of its topics."""
+    if not port.interface.actions_under(port.verb):
+        return []
+    verb = Verb.PUBLISHES if port.verb.provides else Verb.SUBSCRIBES
+    topics = topics_of(port.interface).operations
+    found = [replace(port, interface=calls_of(port.interface))]
+    for each in topics:
+        found.append(replace(port, verb=verb, interface=Interface(port.interface.name, (each,)), qos=qos_of(each)))
+    return found
 
 
 def channels(uses: Iterable[Use], address: Callable[[Use, str], Json]) -> list[Json]:

@@ -24,8 +24,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from ..contract import types as t
-from ..contract.action import Action
-from ..contract.interface import Interface, Operation, Pattern
+from ..contract.interface import Action, Interface, Operation, Pattern
 from ..contract.module import Constant, Module
 from ..contract.rosnames import camel, field_name, package_of, snake
 from ..dsl.diagnostics import Report

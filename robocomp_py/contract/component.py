@@ -7,15 +7,12 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from .interface import Interface, Operation, Verb
+from .interface import Action, Interface, Operation, Verb
 from .parameters import ParameterSet
 from .qos import DEFAULT_QOS, QoS
 from .statemachine import StateMachine
-
-if TYPE_CHECKING:
-    from .action import Action
 
 MAX_SECONDS = 1e6
 """The longest period and deadline; clocks and locks refuse larger numbers."""

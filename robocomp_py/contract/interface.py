@@ -1,19 +1,31 @@
-"""Interfaces and their operations, and the fingerprint by which two sides know they mean the same."""
+"""Interfaces, their operations and actions, and the fingerprint by which two sides know they mean the same."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from .types import Enumeration, ExceptionType, Field, Response, Struct, spell, walk
-
-if TYPE_CHECKING:
-    from .action import Action
+from .goal import GOAL, NO_RESULT
+from .qos import Durability, QoS, Reliability
+from .types import (
+    BOOL,
+    FLOAT32,
+    INT8,
+    UINT8,
+    Enumeration,
+    ExceptionType,
+    Field,
+    Response,
+    Sequence,
+    Struct,
+    spell,
+    walk,
+)
 
 R = TypeVar("R")
 
@@ -106,6 +118,98 @@ class Operation(Generic[R]):
         return f"{module}::{words}{suffix}" if module else f"{words}{suffix}"
 
 
+PARTS = ("start", "result", "cancel", "feedback", "status")
+"""What is behind the hyphen in the names of the parts of an action."""
+
+RESERVED = frozenset({"goal", "detached"})
+"""Names of parameters that an action adds itself."""
+
+FEEDBACK_QOS = QoS(reliability=Reliability.BEST_EFFORT, depth=1)
+STATUS_QOS = QoS(reliability=Reliability.RELIABLE, durability=Durability.TRANSIENT_LOCAL, depth=1)
+
+
+@dataclass(frozen=True)
+class Action:
+    """An operation that takes long. The fields are those of `Operation`. Three queries and two topics carry it:
+
+        goTo-start      query    the inputs; answered with BUSY if the goal is not accepted
+        goTo-result     query    the outputs and the declared exceptions; `NoResult` while there is none
+        goTo-cancel     query    the state after that
+        goTo-feedback   topic    best effort, depth 1; only if the action declares feedback
+        goTo-status     topic    reliable and latched: the states of all goals that the server knows
+
+    A hyphen cannot be in a name of IDSL, so these names differ from all others, but not in Ice, which has `_` instead.
+    """
+
+    interface: str
+    name: str
+    inputs: tuple[Field, ...] = ()
+    outputs: tuple[Field, ...] = ()
+    feedback: Struct | None = None
+    """What its server tells from time to time; its name ends in `Feedback`."""
+    raises: tuple[ExceptionType, ...] = ()
+    origin: str = ""
+    """The interface that declares it, if it is inherited; "" if that is its own."""
+    confirm: bool = field(default=False, compare=False, repr=False)
+    """Whether a person is asked before a goal is sent by hand."""
+    goal: type[Any] | None = field(default=None, compare=False, repr=False)
+    """The generated class of what its handler gets of a goal, if it declares feedback."""
+    doc: str = field(default="", compare=False, repr=False)
+    source: str = field(default="", compare=False, repr=False)
+    """Its declaration as the IDSL file spells it, for people."""
+
+    @cached_property
+    def start(self) -> Operation[None]:
+        inputs = (GOAL, Field("detached", BOOL), *self.inputs)
+        name, doc = f"{self.name}-start", self.doc
+        return Operation(self.interface, name, inputs, (), (), Pattern.QUERY, confirm=self.confirm, doc=doc)
+
+    @cached_property
+    def result(self) -> Operation[Any]:
+        inputs = (GOAL, Field("wait", FLOAT32))
+        raises = (*self.raises, NO_RESULT)
+        return Operation(self.interface, f"{self.name}-result", inputs, self.outputs, raises, Pattern.QUERY)
+
+    @cached_property
+    def cancel(self) -> Operation[int]:
+        outputs = (Field("ret", INT8),)
+        return Operation(self.interface, f"{self.name}-cancel", (GOAL,), outputs, (), Pattern.QUERY, idempotent=True)
+
+    @cached_property
+    def told(self) -> Operation[None] | None:
+        """The topic of its feedback."""
+        if self.feedback is None:
+            return None
+        inputs = (GOAL, Field("feedback", self.feedback))
+        return Operation(self.interface, f"{self.name}-feedback", inputs, (), (), Pattern.PUBLISH)
+
+    @cached_property
+    def status(self) -> Operation[None]:
+        inputs = (Field("goals", Sequence(UINT8)), Field("states", Sequence(UINT8)))
+        return Operation(self.interface, f"{self.name}-status", inputs, (), (), Pattern.PUBLISH)
+
+    @property
+    def queries(self) -> tuple[Operation[Any], ...]:
+        return self.start, self.result, self.cancel
+
+    @property
+    def topics(self) -> tuple[Operation[None], ...]:
+        return (self.told, self.status) if self.told else (self.status,)
+
+    @property
+    def parts(self) -> tuple[Operation[Any], ...]:
+        return *self.queries, *self.topics
+
+    @cached_property
+    def text(self) -> str:
+        """Everything both sides must agree on; see `differences`."""
+        return "\n".join(part.text for part in self.parts)
+
+    def inherited(self, interface: str) -> Action:
+        """This action in an interface that extends its own."""
+        return replace(self, interface=interface, origin=self.origin or self.interface)
+
+
 @dataclass(frozen=True)
 class Interface:
     """A named set of operations, inherited ones included. `name` is qualified: `RoboCompLaser::Laser`."""
@@ -142,6 +246,21 @@ class Interface:
         """All that both sides must agree on: the operations that take part, and the parts of actions."""
         yield from (operation for operation, _ in self.under(verb))
         yield from (part for action in self.actions_under(verb) for part in action.parts)
+
+
+def calls_of(interface: Interface) -> Interface:
+    """The queries of all actions of an interface."""
+    return Interface(interface.name, tuple(each for action in interface.actions for each in action.queries))
+
+
+def topics_of(interface: Interface) -> Interface:
+    """The topics of all actions of an interface."""
+    return Interface(interface.name, tuple(each for action in interface.actions for each in action.topics))
+
+
+def qos_of(operation: Operation[Any]) -> QoS:
+    """The QoS of such a topic."""
+    return FEEDBACK_QOS if operation.name.endswith("-feedback") else STATUS_QOS
 
 
 def differences(ours: str, theirs: str) -> list[str]:

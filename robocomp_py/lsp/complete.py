@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 from .. import installed
-from ..contract.action import POLICIES
+from ..contract.goal import POLICIES
 from ..contract.interface import Verb
 from ..contract.qos import Liveliness
 from ..dsl.cdsl.check import OPTIONS

@@ -24,9 +24,9 @@ import pytest
 from ..actions.binding import Connected, Surroundings, connect, new_identity, serve
 from ..actions.client import ActionProxy
 from ..actions.goal import MOST_QUEUED, Goal, ServerGoal, Times
-from ..contract.action import Action, GoalState
 from ..contract.component import Port
-from ..contract.interface import Interface, Operation, Verb
+from ..contract.goal import GoalState
+from ..contract.interface import Action, Interface, Operation, Verb
 from ..contract.types import FLOAT32, INT32, STRING, ExceptionType, Field, Struct
 from ..errors import Busy, Cancelled, Closed, ContractMismatch, DeclaredError, RemoteFailure, Timeout, Unreachable
 from ..runtime.monitor import Monitor

@@ -26,9 +26,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..contract import types as t
-from ..contract.action import Action
 from ..contract.component import Port
-from ..contract.interface import Operation, Pattern, Verb
+from ..contract.interface import Action, Operation, Pattern, Verb
 from ..contract.parameters import ParameterSet
 from ..errors import ConfigurationError, TransportError
 from ..runtime import ports, settings

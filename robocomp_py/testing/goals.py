@@ -15,9 +15,8 @@ from ..actions.binding import Connected, Surroundings, connect, new_identity, se
 from ..actions.client import ActionProxy, GoalClient
 from ..actions.goal import Goal, ServerGoal
 from ..actions.server import GoalServer
-from ..contract.action import Action
 from ..contract.component import Port
-from ..contract.interface import Operation
+from ..contract.interface import Action, Operation
 from ..errors import Closed, TransportError
 from ..runtime.calls import Outcome
 from ..runtime.clock import SECOND

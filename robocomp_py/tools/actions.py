@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..contract import action as actions
-from ..contract.action import OCTETS, Action, GoalState
-from ..contract.interface import Operation, Pattern
+from ..contract.goal import NO_RESULT, OCTETS, GoalState
+from ..contract.interface import PARTS, Action, Operation, Pattern
 from ..contract.types import ExceptionType, Struct
 from ..errors import Cancelled, DeclaredError
 from ..spelling import closest
@@ -29,7 +28,7 @@ class Offered:
     name: str
     """`arm/Navigation/goTo`"""
     parts: Mapping[str, Channel]
-    """By the words of `contract.action.PARTS`; those that are not there are missing."""
+    """By the words of `contract.interface.PARTS`; those that are not there are missing."""
 
     @property
     def start(self) -> Channel:
@@ -47,7 +46,7 @@ def offered(network: Network) -> dict[str, Offered]:
     for channel in network.channels.values():
         if channel.name.endswith(_START) and channel.providers:
             stem = channel.name.removesuffix(_START)
-            parts = {each: network.channels.get(f"{stem}-{each}") for each in actions.PARTS}
+            parts = {each: network.channels.get(f"{stem}-{each}") for each in PARTS}
             found[stem] = Offered(stem, {each: part for each, part in parts.items() if part})
     return found
 
@@ -81,7 +80,7 @@ def action_of(name: str, operations: Mapping[str, Operation[Any]]) -> Action:
         start.inputs[2:],
         result.outputs,
         feedback if isinstance(feedback, Struct) else None,
-        tuple(each for each in result.raises if each.name != actions.NO_RESULT.name),
+        tuple(each for each in result.raises if each.name != NO_RESULT.name),
     )
     parts = {each.name.rpartition("-")[2]: each for each in made.parts}
     if any(part not in operations or each.text != operations[part].text for part, each in parts.items()):

@@ -20,9 +20,8 @@ import libcst as cst
 from ..codegen.actions import as_operation
 from ..codegen.expressions import can_lend, fakes_class
 from ..codegen.names import loan, method, proxy_class, short, twin
-from ..contract.action import Action
 from ..contract.component import Component, Port
-from ..contract.interface import Pattern
+from ..contract.interface import Action, Pattern
 from ..contract.naming import feedback_struct, goal_class
 
 _PARAMS, _TIMERS = "params", "timers"

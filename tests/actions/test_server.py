@@ -8,7 +8,8 @@ from typing import Any
 
 from robocomp_py.actions.goal import MOST_POLLS, MOST_RESULTS, ServerGoal, Times
 from robocomp_py.actions.server import GoalServer
-from robocomp_py.contract.action import Action, GoalState, Policy
+from robocomp_py.contract.goal import GoalState, Policy
+from robocomp_py.contract.interface import Action
 from robocomp_py.contract.types import INT32, Field
 from robocomp_py.transports.base import Reply, Status
 from robocomp_py.wire.cdr import Cdr

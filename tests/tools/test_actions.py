@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from robocomp_py.cli import rc
-from robocomp_py.contract.action import GoalState
+from robocomp_py.contract.goal import GoalState
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.actions import goals
 from robocomp_py.tools.census import take_census

@@ -6,8 +6,8 @@ import keyword
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...contract.action import POLICIES
 from ...contract.component import MAX_SECONDS, TAKEN, Port, numbers
+from ...contract.goal import POLICIES
 from ...contract.interface import Interface, Verb
 from ...contract.statemachine import StateMachine
 from ..diagnostics import Proposals, Report, did_you_mean

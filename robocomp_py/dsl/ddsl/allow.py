@@ -12,9 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ...contract.action import Action
 from ...contract.component import Component, Port
-from ...contract.interface import Operation, Verb
+from ...contract.interface import Action, Operation, Verb
 from ..diagnostics import Report, did_you_mean
 from ..source import Name
 from . import model as m

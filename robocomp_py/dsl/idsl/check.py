@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
-from ...contract.action import PARTS, RESERVED
-from ...contract.interface import Pattern
+from ...contract.interface import PARTS, RESERVED, Pattern
 from ...contract.naming import feedback_struct, goal_class, names_of
 from ...contract.types import MAX_DEPTH, Primitive, integer_range, is_key, python_name
 from ..diagnostics import Proposals, Report, did_you_mean

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...contract import interface as c
 from ...contract import types as t
-from ...contract.action import Action
+from ...contract.interface import Action
 from ...contract.module import Constant, Definition, Module
 from ...contract.naming import feedback_struct
 from ..source import Name

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ...contract.action import Action
+from ...contract.interface import Action
 from ...errors import RobocompError, Timeout
 from ...spelling import unknown
 from ..actions import outcome, shown_feedback
