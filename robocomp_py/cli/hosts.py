@@ -94,7 +94,7 @@ class Hosts:
 
     def _merged(self, here: Seen, middlewares: Sequence[str]) -> Seen:
         from ..tools.census import Seen
-        from ..tools.posts import merged, survey
+        from ..tools.survey import merged, survey
         from ..transports.deployment import deployment_of
 
         there, self.lost = survey(self.posts, middlewares)

@@ -34,9 +34,10 @@ from robocomp_py.tools.doctor.elsewhere import left_there, places
 from robocomp_py.tools.doctor.facts import Left, Machine, Process, Space
 from robocomp_py.tools.far import Far
 from robocomp_py.tools.network import Channel, End
-from robocomp_py.tools.posts import Post, ScoutError, merged, survey, told_in
+from robocomp_py.tools.posts import Post, ScoutError
 from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
+from robocomp_py.tools.survey import merged, survey, told_in
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 from robocomp_py.transports.directory import runtime_dir
