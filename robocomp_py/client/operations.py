@@ -256,7 +256,8 @@ class Topic(Described):
         """
         from .plotting import plot
 
-        return plot(self, fields, seconds, axes)
+        first = self._inputs[0].name if len(self._inputs) == 1 else ""
+        return plot(self._channel.name, first, self.listen, fields, seconds, axes)
 
     _is_met = False
 

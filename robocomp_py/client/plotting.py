@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +15,20 @@ from ..tools.drawing import need_matplotlib
 from .values import Record
 
 if TYPE_CHECKING:
-    from .operations import Topic
+    from .hearing import Listening
 
 
-def plot(topic: Topic, fields: Sequence[str], seconds: float, axes: Any) -> Any:
-    """See `Topic.plot`."""
+def plot(
+    name: str, first: str, listen: Callable[[float], Listening], fields: Sequence[str], seconds: float, axes: Any
+) -> Any:
+    """See `Topic.plot`. `listen` subscribes to the topic of that name; it gets the longest wait for a message.
+
+    `first` is the field of its messages, if they have only one; else "".
+    """
     drawn = axes or _axes()
-    times, columns = _gathered(topic, fields, seconds)
+    times, columns = _gathered(listen, first, fields, seconds)
+    if not times:
+        raise Timeout(f"{name}: no message came in {seconds:g} s")
     for field, column in columns.items():
         if isinstance(column[-1], np.ndarray):
             drawn.plot(column[-1], label=field)
@@ -29,7 +36,7 @@ def plot(topic: Topic, fields: Sequence[str], seconds: float, axes: Any) -> Any:
         else:
             drawn.plot(times, column, label=field)
             drawn.set_xlabel("seconds")
-    drawn.set_title(topic._channel.name)
+    drawn.set_title(name)
     if any(columns):
         drawn.legend()
     return drawn
@@ -43,13 +50,14 @@ def _axes() -> Any:
     return axes
 
 
-def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list[float], dict[str, list[Any]]]:
-    """When messages came, in seconds, and the values of each field. Raises Timeout if none came."""
+def _gathered(
+    listen: Callable[[float], Listening], first: str, fields: Sequence[str], seconds: float
+) -> tuple[list[float], dict[str, list[Any]]]:
+    """When messages came, in seconds, and the values of each field."""
     times: list[float] = []
     columns: dict[str, list[Any]] = {}
-    first = topic._operation.inputs[0].name if len(topic._operation.inputs) == 1 else ""
     begun = time.monotonic()
-    with topic.listen(timeout=seconds) as messages:
+    with listen(seconds) as messages:
         for message in messages:
             now = time.monotonic() - begun
             if not columns:
@@ -59,8 +67,6 @@ def _gathered(topic: Topic, fields: Sequence[str], seconds: float) -> tuple[list
             times.append(now)
             if now >= seconds:
                 break
-    if not times:
-        raise Timeout(f"{topic._channel.name}: no message came in {seconds:g} s")
     return times, columns
 
 
