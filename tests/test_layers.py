@@ -122,7 +122,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.lsp.fixes": MIDDLEWARES
     | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.lsp.complete": MIDDLEWARES | {"pygls", "lsprotocol", "jinja2", "robocomp_py.codegen"},
-    "robocomp_py.lsp.server": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
+    "robocomp_py.lsp.session": MIDDLEWARES | {"libcst", "jinja2", "robocomp_py.codegen", "robocomp_py.deploy"},
     "robocomp_py.deploy.agent": MIDDLEWARES
     | {"lark", "jinja2", "rich", "numpy", "asyncssh", "robocomp_py.dsl", "robocomp_py.codegen", "robocomp_py.cli"},
     "robocomp_py.deploy.client": MIDDLEWARES | {"asyncio", "lark", "rich", "numpy", "robocomp_py.dsl"},

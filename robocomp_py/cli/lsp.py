@@ -34,7 +34,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     try:
-        from ..lsp.server import make_server
+        from ..lsp.session import make_server
     except ModuleNotFoundError as exc:
         if exc.name not in ("pygls", "lsprotocol"):
             raise
