@@ -17,9 +17,10 @@ from robocomp_py.transports.base import Reply
 from robocomp_py.wire.codec import Payload
 
 from . import ours as counted
+from .compared import ours
 from .goals import Finding, failed
 from .pair import Pair, place
-from .parties import FAILURES, Hear, Party, Place, ours
+from .parties import FAILURES, Hear, Party, Place
 from .query import Tell, round_trips
 from .rounds import Effort, Rounds, difference, joined, ratio, times
 from .tables import Table, us

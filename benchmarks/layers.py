@@ -21,7 +21,7 @@ from robocomp_py.wire.cdr import TAIL, Cdr
 from robocomp_py.wire.codec import Codec
 from robocomp_py.wire.messagepack import MessagePack
 
-from . import parties, query
+from . import compared, query
 from .ours import IMPLEMENTS, REQUIRES, Handlers, echo, route
 from .parties import Array, Party
 from .query import Tell, some
@@ -76,12 +76,12 @@ def as_received(codec: Codec, payload: Any) -> Any:
 
 
 def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
-    chosen = [each for each in middlewares if parties.raw(each)]
+    chosen = [each for each in middlewares if compared.raw(each)]
     rows = []
     for whole in query.run(chosen, SIZES, effort, lambda text: tell(f"layers · {text}")):
         if not (whole.ours and whole.raw):
             raise RuntimeError(f"{whole.middleware}: {whole.failure}")
-        bare = parties.raw(whole.middleware)
+        bare = compared.raw(whole.middleware)
         assert bare
         data, codec = some(whole.size), codec_of(whole.middleware)
         with _shortcut(codec, data) as all_but_transport:

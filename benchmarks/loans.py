@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from . import parties
+from . import compared
 from .goals import Finding
 from .pair import Pair, place
+from .parties import Lender
 from .publish import latency_of
 from .query import Tell, some
 from .rounds import Effort, Times, by_turns, ratio, times
@@ -38,9 +39,9 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
     rows = []
     for middleware in middlewares:
         tell(f"loans · {middleware}")
-        with place() as here, Pair(parties.ours(middleware), here) as pair:
+        with place() as here, Pair(compared.ours(middleware), here) as pair:
             near = pair.near
-            assert isinstance(near, parties.Lender)
+            assert isinstance(near, Lender)
             measures = [
                 latency_of(pair, publish, some(size), effort.seconds)
                 for publish, size in ((near.lend, SMALL), (near.lend, LARGE), (near.publish, LARGE))

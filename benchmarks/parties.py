@@ -10,7 +10,6 @@ import struct
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from subprocess import SubprocessError
 from typing import Any, Protocol, runtime_checkable
 
@@ -20,6 +19,8 @@ from robocomp_py.errors import RobocompError
 
 Array = np.ndarray[Any, np.dtype[np.uint8]]
 Hear = Callable[[Array], object]
+Act = Callable[[Array], Any]
+"""Publishes an array, or calls with it."""
 
 MIDDLEWARES = ("zeromq", "dds", "zenoh", "shm", "inproc")
 
@@ -95,27 +96,3 @@ class Party:
     decode: Callable[[Any], Array] | None = None
     apart: bool = True
     """Whether the far end is in another process."""
-
-
-def ours(middleware: str) -> Party:
-    from .ours import Far, Near
-
-    return Party(partial(Far, middleware), partial(Near, middleware), apart=middleware != "inproc")
-
-
-def raw(middleware: str) -> Party | None:
-    """The bare library under one of our transports, if there is one; imported only if used."""
-    match middleware:
-        case "zeromq":
-            from . import raw_zeromq as bare
-        case "dds":
-            from . import raw_dds as bare  # type: ignore[no-redef]  # they look alike
-        case "zenoh":
-            from . import raw_zenoh as bare  # type: ignore[no-redef]
-        case "shm":
-            from . import raw_shm as bare  # type: ignore[no-redef]
-        case "ice":
-            from . import raw_ice as bare  # type: ignore[no-redef]
-        case _:
-            return None
-    return Party(bare.Far, bare.Near, bare.encode, bare.decode)

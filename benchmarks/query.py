@@ -15,11 +15,11 @@ import numpy as np
 
 from robocomp_py.transports.base import TransportConfig, hosting
 
-from . import parties
+from . import compared
 from .goals import Finding, failed
 from .ours import options
 from .pair import Pair, place
-from .parties import FAILURES, Array
+from .parties import BROKERED, FAILURES, Array
 from .rounds import Effort, Rounds, Times, by_turns, difference, how_many, joined, ratio, seconds_of, times
 from .tables import Table, octets, times_as_much, us
 
@@ -106,11 +106,11 @@ def by_starts(
 def both(middleware: str, depth: int) -> Iterator[list[Pair]]:
     """Our pair, and that of the bare library if there is one."""
     with place(depth) as here, contextlib.ExitStack() as open_pairs:
-        if middleware in parties.BROKERED:
+        if middleware in BROKERED:
             open_pairs.enter_context(hosting(middleware, TransportConfig(options(middleware, here))))
-        bare = parties.raw(middleware)
-        compared = [parties.ours(middleware), *([bare] if bare else [])]
-        pairs = [Pair(party, here) for party in compared]
+        bare = compared.raw(middleware)
+        parties = [compared.ours(middleware), *([bare] if bare else [])]
+        pairs = [Pair(party, here) for party in parties]
         for pair in pairs:
             open_pairs.callback(pair.close)
         yield [pair.__enter__() for pair in pairs]

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from ..parties import PATIENCE, Hear, Place
-from .ends import Act
+from ..parties import PATIENCE, Act, Hear, Place
 
 IDLE = ("zeromq", "dds", "zenoh", "shm")
 CLIENTS = ("zeromq", "zenoh")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
@@ -19,12 +19,10 @@ from robocomp_py.transports.base import Link, Transport, gathering, wait_connect
 
 from ..ours import IMPLEMENTS, PUBLISHES, REQUIRES, SUBSCRIBES, Handlers, echo, news
 from ..ours import connected as opened
-from ..parties import PATIENCE, Array, Hear, Place
+from ..parties import PATIENCE, Act, Array, Hear, Place
 
 OURS, RAW = "ours", "raw"
 PARTIES = (OURS, RAW)
-
-Act = Callable[[Array], Any]
 
 
 def of(party: str) -> ModuleType:
