@@ -41,6 +41,11 @@ class Parser(argparse.ArgumentParser):
                 return f"no option {option}; " + (f"did you mean {near}?" if near else f"see: {self.prog} --help")
         if found := _EXCLUDED.fullmatch(message):
             return f"{found[1]} and {found[2]} exclude each other"
+        if found := _MISSING.fullmatch(message):
+            may_be_empty = {each.metavar for each in self._actions if each.nargs == "*"}
+            missing = [name for name in found[1].split(", ") if name not in may_be_empty]
+            named = " and ".join(filter(None, [", ".join(missing[:-1]), missing[-1]]))
+            return f"{named} {'is' if len(missing) == 1 else 'are'} missing; see: {self.prog} --help"
         return message.removeprefix("argument ")
 
     def options(self, *, with_value: bool = False) -> list[str]:
@@ -51,6 +56,7 @@ class Parser(argparse.ArgumentParser):
 
 _NO_VALUE = re.compile(r"argument (\S+): expected (?:one|at least one) argument")
 _EXCLUDED = re.compile(r"argument (\S+): not allowed with argument (\S+)")
+_MISSING = re.compile(r"the following arguments are required: (.*)")
 _NO_FLAG = re.compile(r"argument (\S+): ignored explicit argument .*", re.DOTALL)
 _NO_CHOICE = re.compile(r"argument (\S+): invalid choice: '?(.*?)'? \(choose from (.*)\)", re.DOTALL)
 _UNKNOWN = re.compile(r"unrecognized arguments: (\S+).*", re.DOTALL)

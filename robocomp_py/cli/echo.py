@@ -75,7 +75,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--full", action="store_true", help="print long sequences whole")
     to.add_argument("--csv", action="store_true", help="print a table with a column for each field")
     to.add_argument("--stamps", action="store_true", help="also print when and as which number messages were sent")
-    to.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of messages")
+    to.add_argument("-n", "--count", dest="most", type=count, metavar="COUNT", help="end after this number of messages")
     add_topics(to)
     add_hosts(to)
 

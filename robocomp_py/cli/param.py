@@ -77,7 +77,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     described.add_argument("name", nargs="?", default="", metavar="NAME")
     add_json(described)
     watched = command("watch", "print changes until Ctrl-C")
-    watched.add_argument("-n", dest="most", type=count, metavar="COUNT", help="end after this number of changes")
+    watched.add_argument(
+        "-n", "--count", dest="most", type=count, metavar="COUNT", help="end after this number of changes"
+    )
     watched.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_json(watched)
     command("dump", "print the parameters as a file of ROS 2", "+")

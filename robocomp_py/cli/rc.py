@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Protocol, cast
@@ -24,45 +26,28 @@ class Command(Protocol):
     def run(self, options: argparse.Namespace) -> int: ...
 
 
-COMMANDS = (
-    "lint",
-    "fmt",
-    "rename",
-    "lsp",
-    "graph",
-    "links",
-    "host",
-    "list",
-    "info",
-    "echo",
-    "hz",
-    "bw",
-    "delay",
-    "call",
-    "pub",
-    "action",
-    "doctor",
-    "top",
-    "monitor",
-    "param",
-    "log",
-    "clock",
-    "record",
-    "bag",
-    "plot",
-    "replay",
-    "rerun",
-    "sim",
-    "logs",
-    "foxglove",
-    "mcp",
-    "completion",
-    "run",
-)
-"""Each is the name of its module, which is imported only if it is needed: to import all takes longer than many run."""
+GROUPS = {
+    "models and code": ("lint", "fmt", "rename", "graph", "links", "sim"),
+    "run": ("run", "host"),
+    "see what runs": ("list", "info", "echo", "hz", "bw", "delay", "top", "monitor", "logs", "doctor"),
+    "talk to what runs": ("call", "pub", "action", "param", "log", "clock"),
+    "recordings": ("record", "bag", "plot", "replay", "rerun", "foxglove"),
+    "for other programs": ("lsp", "mcp", "completion"),
+}
+"""All commands, in the order of the help, by what they are for.
+
+Each is the name of its module, which is imported only if it is needed: to import all takes longer than many run.
+"""
+
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 
 RUN = "run"
 """The command that passes options on to the component."""
+
+_DESCRIPTION = "Check, run, watch, record and simulate components. `rc COMMAND --help` tells more."
+
+_WIDTH = 110
+"""Longest line of the help, in characters."""
 
 _EXAMPLES = """\
 examples:
@@ -134,15 +119,34 @@ def completer(words: Sequence[str], word: str) -> tuple[Parser, Sequence[str]]:
 def parser_for(name: str, beginning: str = "") -> Parser:
     """The parser of `rc` with the arguments of this command only; if there is no such command, with those of all whose
     names begin so."""
-    made = parser("rc", "Check and run components.", _EXAMPLES)
-    commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    made = parser("rc", _DESCRIPTION, _EXAMPLES)
+    made.usage = "rc COMMAND ..."
+    commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True, prog="rc", help=argparse.SUPPRESS)
     for each in (name,) if name in COMMANDS else [each for each in COMMANDS if each.startswith(beginning)]:
         about = module(each)
         own = commands.add_parser(each, help=about.HELP, add_help=each != RUN)
         about.add_arguments(own)
         add_version(own, f"rc {each}")
         own.set_defaults(parser=own)
+    if name not in COMMANDS and not beginning:
+        made.description = f"{_DESCRIPTION}\n\n{_listed()}"
     return made
+
+
+def _listed() -> str:
+    """What each command does, in groups."""
+    room = max(map(len, COMMANDS)) + 4
+    width = max(2 * room, min(_WIDTH, shutil.get_terminal_size().columns - 2))
+    groups = []
+    for title, names in GROUPS.items():
+        lines = [
+            textwrap.fill(
+                module(name).HELP, width, initial_indent=f"  {name}".ljust(room), subsequent_indent=" " * room
+            )
+            for name in names
+        ]
+        groups.append("\n".join([f"{title}:", *lines]))
+    return "\n\n".join(groups)
 
 
 def module(name: str) -> Command:

@@ -50,6 +50,13 @@ def test_help_has_examples_and_tells_the_exit_codes(name: str, capsys: Said) -> 
     assert len(told.splitlines()) > 8
 
 
+def test_the_help_lists_each_command_once_in_its_group(capsys: Said) -> None:
+    assert ended("--help") == 0
+    told = capsys.readouterr().out.partition("\noptions:")[0]
+    assert re.findall(r"^  ([a-z]+) ", told, re.MULTILINE) == list(rc.COMMANDS)
+    assert re.findall(r"^([a-z ]+):$", told, re.MULTILINE) == list(rc.GROUPS)
+
+
 @pytest.mark.parametrize("name", [BAG, "param", "action", "clock"])
 def test_each_part_of_a_command_has_an_example(name: str, capsys: Said) -> None:
     assert ended(name, "--help") == 0

@@ -184,7 +184,7 @@ def test_stdin_can_be_checked(capsys: Said, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "the following arguments are required: FILE"),
+        ([], "FILE is missing"),
         (["-"], "say what stdin is, as in: rc fmt --language idsl -"),
         (["-", "--language", "idl"], "no language is called idl; did you mean idsl?"),
         (["-", "--language", "xml"], "no language is called xml"),

@@ -464,7 +464,7 @@ def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys:
     ("arguments", "says"),
     [
         ([], "give it one network"),
-        (["plan"], "rcdeploy plan: error: the following arguments are required: NET.ddsl"),
+        (["plan"], "rcdeploy plan: error: NET.ddsl is missing"),
         (["one.ddsl", "two.ddsl", "three.ddsl"], "give it one network"),
         (["net.ddsl", "--for", "soon"], "--for: `soon` is not a number of seconds"),
         (["net.ddsl", "--for", "-1"], "--for: `-1` is not a number of seconds"),

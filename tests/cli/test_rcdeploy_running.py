@@ -304,8 +304,8 @@ def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_pa
     ("arguments", "says"),
     [
         (["status", "--watch"], "--watch needs a network"),
-        (["restart", "net.ddsl"], "the following arguments are required: INSTANCE"),
-        (["logs"], "the following arguments are required: NET.ddsl"),
+        (["restart", "net.ddsl"], "INSTANCE is missing"),
+        (["logs"], "NET.ddsl is missing"),
         (["logs", "net.ddsl", "-n", "many"], "`many` is not a number of lines from 0 to 10000"),
         (["down", "net.ddsl", "--grace", "long"], "`long` is not a number of seconds"),
         (["status", "net.ddsl", "--detach"], "--detach is for `rcdeploy up`, not for `rcdeploy status`"),

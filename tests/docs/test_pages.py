@@ -19,7 +19,7 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
 @pytest.mark.parametrize(
     ("page", "least"),
     [
-        ("README", 6),
+        ("README", 8),
         ("docs/guides/actions", 9),
         ("docs/guides/existing", 5),
         ("docs/explanation/handedness", 1),
