@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from math import cos, sin
 from typing import NamedTuple
 
 
@@ -41,29 +41,33 @@ class Drive:
     """The last correction, moved on by the odometry since."""
 
 
-def moved(pose: Pose, speed: Speed, time: float) -> Pose:
+Three = tuple[float, float, float]
+"""A `Pose` or a `Speed`, or its numbers only, which take less time to make."""
+
+
+def moved(pose: Three, speed: Three, time: float) -> Pose:
     """Where a base is after some seconds of constant speed: exact, since it drives along an arc of a circle."""
-    half = speed.turn * time / 2
-    chord = time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
-    sine, cosine = math.sin(pose.turn + half), math.cos(pose.turn + half)
+    (x, z, turned), (ahead, aside, turn) = pose, speed
+    half = turn * time / 2
+    chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
+    sine, cosine = sin(turned + half), cos(turned + half)
     return Pose(
-        pose.x + chord * (speed.ahead * sine + speed.aside * cosine),
-        pose.z + chord * (speed.ahead * cosine - speed.aside * sine),
-        pose.turn + speed.turn * time,
+        x + chord * (ahead * sine + aside * cosine), z + chord * (ahead * cosine - aside * sine), turned + turn * time
     )
 
 
-def in_parent(pose: Pose, speed: Speed, time: float) -> tuple[float, float]:
+def in_parent(pose: Three, speed: Three, time: float) -> tuple[float, float]:
     """The mean speeds along z and x of the parent of a base, mm/s, while it drives for some seconds."""
-    turn = pose.turn + speed.turn * time / 2
-    sine, cosine = math.sin(turn), math.cos(turn)
-    return speed.ahead * cosine - speed.aside * sine, speed.ahead * sine + speed.aside * cosine
+    (_, _, turned), (ahead, aside, turn) = pose, speed
+    sine, cosine = sin(turned + turn * time / 2), cos(turned + turn * time / 2)
+    return ahead * cosine - aside * sine, ahead * sine + aside * cosine
 
 
-def between(pose: Pose, other: Pose, time: float) -> Speed:
+def between(pose: Three, other: Three, time: float) -> Three:
     """The constant speed that leads from one pose to another in some seconds: the inverse of `moved`."""
-    half = (other.turn - pose.turn) / 2
-    chord = time * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
-    sine, cosine = math.sin(pose.turn + half), math.cos(pose.turn + half)
-    x, z = (other.x - pose.x) / chord, (other.z - pose.z) / chord
-    return Speed(x * sine + z * cosine, x * cosine - z * sine, 2 * half / time)
+    (x, z, turned), (to_x, to_z, turn) = pose, other
+    half = (turn - turned) / 2
+    chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
+    sine, cosine = sin(turned + half), cos(turned + half)
+    x, z = (to_x - x) / chord, (to_z - z) / chord
+    return x * sine + z * cosine, x * cosine - z * sine, 2 * half / time

@@ -9,6 +9,9 @@ as easy as 1, 2, 3", SC 2011). The key is a hash of the names, and the counter i
 from __future__ import annotations
 
 import hashlib
+import threading
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +20,30 @@ from ..innermodel.axes import Array
 
 def normal(seed: int, node: str, quantity: str, tick: int, count: int) -> Array:
     """Numbers of mean 0 and standard deviation 1, shape (count,); always the same for the same arguments."""
-    text = f"{seed}\0{node}\0{quantity}".encode()
-    key = int.from_bytes(hashlib.blake2b(text, digest_size=16).digest(), "little")
-    return np.random.Generator(np.random.Philox(key=key, counter=tick << 64)).standard_normal(count)
+    return _OWN.at(_key(seed, node, quantity), tick).standard_normal(count)
+
+
+@lru_cache(maxsize=4096)
+def _key(seed: int, node: str, quantity: str) -> tuple[int, int]:
+    digest = hashlib.blake2b(f"{seed}\0{node}\0{quantity}".encode(), digest_size=16).digest()
+    return int.from_bytes(digest[:8], "little"), int.from_bytes(digest[8:], "little")
+
+
+class _Generator(threading.local):
+    """A generator for each thread. A new one for each key and tick would take ten times as long."""
+
+    def __init__(self) -> None:
+        self._philox = np.random.Philox(0)
+        self._generator = np.random.Generator(self._philox)
+        self._counter, self._key = [0, 0, 0, 0], [0, 0]
+        self._state: Any = {**self._philox.state, "state": {"counter": self._counter, "key": self._key}}
+
+    def at(self, key: tuple[int, int], tick: int) -> np.random.Generator:
+        """The generator, at the beginning of the numbers of a tick."""
+        self._key[:] = key
+        self._counter[1] = tick
+        self._philox.state = self._state
+        return self._generator
+
+
+_OWN = _Generator()

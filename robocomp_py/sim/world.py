@@ -17,7 +17,7 @@ import operator
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
@@ -30,8 +30,8 @@ from ..innermodel.pictures import MOST_SHOWN, Pixels
 from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
 from ..spelling import unknown
-from .bases import Drive, Pose, Speed, between, in_parent, moved
-from .build import Scene, build, rebuilt
+from .bases import Drive, Pose, Speed, Three, between, in_parent, moved
+from .build import Base, Scene, build, rebuilt
 from .devices.imu import Inertia, Inertial
 from .devices.imu import read as read_imu
 from .devices.laser import Laser
@@ -60,6 +60,9 @@ _LEAST_FACTOR = 0.01
 
 _TOUCH = 1e-9
 """How much deeper than before a shape of a base may be in another one, m."""
+
+_EXACT = 1.0, 1.0, 1.0
+"""What no noise makes of the parts of a base's speed."""
 
 _FARTHEST = 1e9
 """mm or rad, also a second: a base does not go on beyond this, 1000 km."""
@@ -139,7 +142,7 @@ class World:
         """The fingerprint of the tree, if it differs from that one; None: not yet computed."""
         self._shown: dict[str, Pixels] = {}
         self._held: dict[str, str] = {}
-        self._data = mujoco.MjData(self._scene.model)
+        self._use(mujoco.MjData(self._scene.model))
         self._ticks = 0
         self._physics, self._compat = physics, compat
         self._has_speeds = False
@@ -147,9 +150,18 @@ class World:
         self._drives: dict[str, Drive] = {}
         self._motors: dict[str, Motor] = {}
         self._noise: dict[str, float] = {}
-        self._told: dict[str, Motor | Speed] = {}
-        """What the servos of joints and bases were told last: it is still in the vector of controls."""
+        self._busy: dict[str, None] = {}
+        """The joints that a tick looks at: they have a goal, or their servo was not told where they are."""
+        self._told: dict[str, Speed] = {}
+        """What the servos of bases were told last: it is still in the vector of controls."""
         self.reset(seed)
+
+    def _use(self, data: mujoco.MjData) -> None:
+        """Keep the state there."""
+        self._data = data
+        self._places: memoryview[Any] = memoryview(data.qpos)
+        """Of the same numbers as the vector of positions, and quicker where few of them are needed."""
+        self._warnings: memoryview[Any] = memoryview(data.warning.number)
 
     def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
         """Make the model of the tree, from the scene before it if that is enough, and the devices in it."""
@@ -185,13 +197,11 @@ class World:
         mujoco.mj_resetData(self._scene.model, self._data)
         self._data.qpos[:] = self._scene.start
         self._ticks, self._told = 0, {}
-        self._motors = {name: Motor(self.position(name)) for name in self._scene.joints}
+        self._set_motors({name: Motor(self.position(name)) for name in self._scene.joints})
         self._inertias = dict.fromkeys(self._imus, Inertia())
         self._noise = self._usual_noise()
         self._shown, self._held = {}, {}
-        self._drives = {}
-        for name in self._scene.bases:
-            self._drives[name] = Drive(Speed(), None, self._pose(name), self._pose(name))
+        self._set_drives({name: self._resting(name) for name in self._scene.bases})
         self._update()
 
     def _usual_noise(self) -> dict[str, float]:
@@ -215,7 +225,7 @@ class World:
         try:
             self._tree = tree
             self._equip(parameters, before._scene)
-            self._data = mujoco.MjData(self._scene.model)
+            self._use(mujoco.MjData(self._scene.model))
             self._data.qpos[:] = self._scene.start
             carry(before._scene, before._data, self._scene, self._data)
             self._told = {}
@@ -247,11 +257,11 @@ class World:
         for name, body in before._held.items():
             if name in self._scene.grippers and body in self._scene.grippers[name].welds:
                 self._attach(name, body)
-        drives = {name: Drive(Speed(), None, self._pose(name), self._pose(name)) for name in self._scene.bases}
-        self._drives = {name: before._drives.get(name, new) for name, new in drives.items()}
+        drives = {name: self._resting(name) for name in self._scene.bases}
+        self._set_drives({name: before._drives.get(name, new) for name, new in drives.items()})
         motors = {name: Motor(self.position(name)) for name in self._scene.joints}
         kept = {name for name, joint in self._scene.joints.items() if _slides(before, name) == joint.slides}
-        self._motors = {name: before._motors[name] if name in kept else new for name, new in motors.items()}
+        self._set_motors({name: before._motors[name] if name in kept else new for name, new in motors.items()})
 
     def _set_pose(self, name: str, pose: Array) -> None:
         """Put a base, or a free body, where a pose within its parent says, at rest."""
@@ -319,7 +329,7 @@ class World:
         made.__dict__.update(self.__dict__)
         if self._scene.grippers:
             made._scene = replace(self._scene, model=copy.copy(self._scene.model))
-        made._data = mujoco.MjData(made._scene.model)
+        made._use(mujoco.MjData(made._scene.model))
         made._take(self)
         return made
 
@@ -343,10 +353,10 @@ class World:
         The data are copied whole: a vector of the state does not tell which bodies sleep.
         """
         mujoco.mj_copyData(self._data, self._scene.model, other._data)
-        self._told = dict(other._told)
+        self._told, self._busy = dict(other._told), dict(other._busy)
         self._ticks, self._seed, self._physics = other._ticks, other._seed, other._physics
         self._has_speeds = other._has_speeds
-        self._drives = {name: replace(drive) for name, drive in other._drives.items()}
+        self._set_drives({name: replace(drive) for name, drive in other._drives.items()})
         self._motors, self._noise, self._shown = dict(other._motors), dict(other._noise), dict(other._shown)
         self._inertias, self._held = dict(other._inertias), dict(other._held)
         if self._held:  # where a gripper holds a body is part of its model
@@ -381,8 +391,7 @@ class World:
         self._physics = on
         self._data.qvel[:] = 0.0
         self._inertias = {name: inertia._replace(velocity=(0.0, 0.0, 0.0)) for name, inertia in self._inertias.items()}
-        for name, motor in self._motors.items():
-            self._motors[name] = motor._replace(position=self.position(name))
+        self._set_motors({name: motor._replace(position=self.position(name)) for name, motor in self._motors.items()})
 
     @property
     def bases(self) -> list[str]:
@@ -481,7 +490,7 @@ class World:
             if speed == 0.0:
                 self._hold_joint(name, Motor(position))
             else:
-                self._motors[name] = self._motors[name]._replace(goal=To(position, abs(speed)))
+                self._set_motor(name, self._motors[name]._replace(goal=To(position, abs(speed))))
         self._update()
 
     def drive_joint(self, joint: str, speed: float, acceleration: float = 0.0) -> None:
@@ -497,7 +506,7 @@ class World:
             _known("joint", name, self._scene.joints)
         checked = {name: _near("speed", *goal) for name, goal in goals.items()}
         for name, (speed, acceleration) in checked.items():
-            self._motors[name] = self._motors[name]._replace(goal=At(speed, abs(acceleration)))
+            self._set_motor(name, self._motors[name]._replace(goal=At(speed, abs(acceleration))))
 
     def grip(self, gripper: str) -> str:
         """Switch a suction cup or magnet on: it holds the nearest body that it reaches, where it is.
@@ -719,21 +728,16 @@ class World:
         """Go on by some ticks."""
         if count < 0:
             raise ValueError(f"{count} ticks")
-        for _ in range(count):
+        for left in reversed(range(count)):
             self._ticks += 1
-            before = None if self._physics else self._data.qpos.copy()
-            for name, motor in self._motors.items():
-                if motor.goal is not None:
-                    self._turn(name, motor)
-            if before is None:
+            if self._physics:
                 self._act()
             else:
-                for name, drive in self._drives.items():
-                    self._advance(name, drive)
-                mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
+                self._glide(with_speeds=not left or bool(self._imus))
             if self._imus:
                 self._feel()
-        self._update()
+        if not self._imus or not count:
+            self._update()
 
     def _feel(self) -> None:
         """Note the acceleration of inertial units: the change of their speed in the tick."""
@@ -746,51 +750,55 @@ class World:
                 velocity=tuple(velocity.tolist()), acceleration=tuple(change.tolist())
             )
 
-    def _turn(self, name: str, motor: Motor) -> None:
-        found = self._scene.joints[name]
-        low, high = max(found.low, -_FARTHEST), min(found.high, _FARTHEST)
-        self._hold_joint(name, motor_moved(motor, self._tick, low, high))
+    def _turn_joints(self) -> None:
+        """Turn those that have a goal. Those without one need not be looked at again."""
+        for name in tuple(self._busy):
+            motor, joint = self._motors[name], self._scene.joints[name]
+            if motor.goal is not None:
+                low, high = max(joint.low, -_FARTHEST), min(joint.high, _FARTHEST)
+                motor = motor_moved(motor, self._tick, low, high)
+                self._hold_joint(name, motor)
+            if self._physics:
+                self._data.ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
+            if motor.goal is None:
+                del self._busy[name]
+
+    def _glide(self, *, with_speeds: bool) -> None:
+        """Move joints and bases for a tick, as they are told; `with_speeds`, compute the vector of speeds."""
+        before = self._data.qpos.copy() if with_speeds else None
+        self._turn_joints()
+        for base, drive in self._driven:
+            self._advance(base, drive)
+        if before is not None:
+            mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
 
     def _act(self) -> None:
         """Let physics move everything for a tick."""
-        told, ctrl = self._told, self._data.ctrl
-        for name, motor in self._motors.items():
-            if told.get(name) is not motor:
-                joint = self._scene.joints[name]
-                ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
-                told[name] = motor
-        began = {}
-        for name, drive in self._drives.items():
-            began[name] = pose = self._pose(name)
-            self._expire(drive, pose)
-            base = self._scene.bases[name]
-            if told.get(name) is not drive.speed or name in self._noise or base.is_tilted:
-                ahead, aside, turn = map(operator.mul, drive.speed, self._factors(name))
-                if base.is_tilted:
-                    ahead, aside = in_parent(pose, Speed(ahead, aside, turn), self._tick)
-                servo = base.servo
-                ctrl[servo : servo + 3] = ahead / 1000.0, aside / 1000.0, turn
-                told[name] = drive.speed
+        if self._busy:
+            self._turn_joints()
+        places, told, noise, began = self._places, self._told, self._noise, []
+        for base, drive in self._driven:
+            x, z, turn = places[base.x], places[base.z], places[base.turn]
+            factors = _EXACT
+            if drive.expires is not None or any(drive.speed):
+                self._expire(drive, (x * 1000.0, z * 1000.0, turn))
+            if told.get(base.name) is not drive.speed or base.name in noise or base.is_tilted:
+                factors = self._factors(base.name)
+                self._tell(base, drive.speed, factors)
+            began.append((base, drive, x, z, turn, factors))
         mujoco.mj_step(self._scene.model, self._data)
-        warnings = self._data.warning.number
+        warnings = self._warnings
         if warnings[_BAD_POSITION] or warnings[_BAD_VELOCITY] or warnings[_BAD_ACCELERATION]:
             raise SimulationError(
                 f"physics became unstable after {self.time:.3f} s, at `{self._unstable()}`: "
                 "shapes may overlap, or masses may differ too much"
             )
         if self._ticks % EVERY == 0:
-            for body in caught(self._scene.model, self._data, self._free):
-                text = "`%s` has fallen %g m below the scene after %.1f s, and stays there"
-                log.warning(text, self._scene.node_of(body), DEEPEST, self.time)
-        for name, before in began.items():
-            after = self._pose(name)
-            if after == before:
-                continue
-            drive, did = self._drives[name], between(before, after, self._tick)
-            by_wheels = Speed(*map(operator.truediv, did, self._factors(name)))
-            is_corrected = drive.corrected != drive.odometry
-            drive.odometry = moved(drive.odometry, by_wheels, self._tick)
-            drive.corrected = moved(drive.corrected, by_wheels, self._tick) if is_corrected else drive.odometry
+            self._catch()
+        for base, drive, x, z, turn, factors in began:
+            to_x, to_z, to = places[base.x], places[base.z], places[base.turn]
+            if to_x != x or to_z != z or to != turn:
+                self._roll(drive, (x * 1000.0, z * 1000.0, turn), (to_x * 1000.0, to_z * 1000.0, to), factors)
 
     def _unstable(self) -> str:
         """The node of the first body that has no place, speed or acceleration any more."""
@@ -802,38 +810,70 @@ class World:
             joint = model.dof_jntid[warnings.lastinfo[kind]]
         return self._scene.node_of(int(model.jnt_bodyid[joint]))
 
-    def _expire(self, drive: Drive, pose: Pose) -> None:
+    def _catch(self) -> None:
+        """Put to rest what has fallen out of the scene."""
+        for body in caught(self._scene.model, self._data, self._free):
+            text = "`%s` has fallen %g m below the scene after %.1f s, and stays there"
+            log.warning(text, self._scene.node_of(body), DEEPEST, self.time)
+
+    def _tell(self, base: Base, speed: Speed, factors: Three) -> None:
+        """Tell the servos of a base."""
+        ahead, aside, turn = map(operator.mul, speed, factors)
+        if base.is_tilted:
+            ahead, aside = in_parent(self._pose(base.name), (ahead, aside, turn), self._tick)
+        self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
+        self._told[base.name] = speed
+
+    def _roll(self, drive: Drive, before: Three, after: Three, factors: Three) -> None:
+        """Let the wheels of a base measure how it has moved in a tick; noise does `factors` to its speed."""
+        if after == before:
+            return
+        tick, odometry = self._tick, drive.odometry
+        speed = between(before, after, tick)
+        if factors is not _EXACT:
+            speed = speed[0] / factors[0], speed[1] / factors[1], speed[2] / factors[2]
+        drive.odometry = moved(odometry, speed, tick)
+        is_corrected = drive.corrected is not odometry and drive.corrected != odometry
+        drive.corrected = moved(drive.corrected, speed, tick) if is_corrected else drive.odometry
+
+    def _expire(self, drive: Drive, pose: Three) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
         if drive.expires is not None and self._ticks > drive.expires:
             drive.speed, drive.expires = Speed(), None
-        if any(drive.speed) and max(map(abs, (*pose, *drive.odometry, *drive.corrected))) > _FARTHEST:
-            drive.speed, drive.expires = Speed(), None
+        if any(drive.speed):
+            where = *pose, *drive.odometry, *drive.corrected
+            if max(where) > _FARTHEST or min(where) < -_FARTHEST:
+                drive.speed, drive.expires = Speed(), None
 
-    def _factors(self, name: str) -> tuple[float, ...]:
+    def _factors(self, name: str) -> Three:
         """What noise makes of the parts of a base's speed; wheels do not stand still because of it."""
         deviation = self._noise.get(name, 0.0)
         if not deviation:
-            return 1.0, 1.0, 1.0
+            return _EXACT
         factors = 1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)
         return tuple(np.copysign(np.maximum(np.abs(factors), _LEAST_FACTOR), factors).tolist())
 
-    def _advance(self, name: str, drive: Drive) -> None:
-        before = self._pose(name)
+    def _advance(self, base: Base, drive: Drive) -> None:
+        """Move a base for a tick, unless something stops it."""
+        if drive.expires is None and not any(drive.speed):
+            return
+        before, tick = self._pose(base.name), self._tick
         self._expire(drive, before)
         if not any(drive.speed):
             return
-        base, factors = self._scene.bases[name], self._factors(name)
-        speed = Speed(*(one * factor for one, factor in zip(drive.speed, factors, strict=True)))
+        factors = self._factors(base.name)
+        speed = drive.speed if factors is _EXACT else Speed(*map(operator.mul, drive.speed, factors))
         if base.collides:
-            depths = self._depths(name)
-            self._place(name, moved(before, speed, self._tick))
-            if any(depth < min(depths.get(pair, 0.0), 0.0) - _TOUCH for pair, depth in self._depths(name).items()):
-                self._place(name, before)
+            depths = self._depths(base.name)
+            self._place(base.name, moved(before, speed, tick))
+            if any(depth < min(depths.get(pair, 0.0), 0.0) - _TOUCH for pair, depth in self._depths(base.name).items()):
+                self._place(base.name, before)
                 return
         else:
-            self._place(name, moved(before, speed, self._tick))
-        drive.odometry = moved(drive.odometry, drive.speed, self._tick)
-        drive.corrected = moved(drive.corrected, drive.speed, self._tick)
+            self._place(base.name, moved(before, speed, tick))
+        is_corrected = drive.corrected is not drive.odometry
+        drive.odometry = moved(drive.odometry, drive.speed, tick)
+        drive.corrected = moved(drive.corrected, drive.speed, tick) if is_corrected else drive.odometry
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""
@@ -849,19 +889,36 @@ class World:
         return found
 
     def _pose(self, base: str) -> Pose:
-        found, places = self._scene.bases[base], self._data.qpos
-        return Pose(float(places[found.x]) * 1000.0, float(places[found.z]) * 1000.0, float(places[found.turn]))
+        found, places = self._scene.bases[base], self._places
+        return Pose(places[found.x] * 1000.0, places[found.z] * 1000.0, places[found.turn])
+
+    def _resting(self, base: str) -> Drive:
+        """Of a base that is told nothing, and believes to be where it is."""
+        pose = self._pose(base)
+        return Drive(Speed(), None, pose, pose)
 
     def _place(self, base: str, pose: Pose) -> None:
-        found = self._scene.bases[base]
-        self._data.qpos[[found.x, found.z, found.turn]] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
+        found, places = self._scene.bases[base], self._places
+        places[found.x], places[found.z], places[found.turn] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
+
+    def _set_drives(self, drives: dict[str, Drive]) -> None:
+        self._drives = drives
+        self._driven = [(self._scene.bases[name], drive) for name, drive in drives.items()]
+        """The same with their bases, for each tick."""
+
+    def _set_motors(self, motors: dict[str, Motor]) -> None:
+        self._motors, self._busy = motors, dict.fromkeys(motors)
+
+    def _set_motor(self, name: str, motor: Motor) -> None:
+        self._motors[name] = motor
+        self._busy[name] = None
 
     def _hold_joint(self, name: str, motor: Motor) -> None:
         """Let a joint be where its motor is; with physics on, its servo leads it there."""
-        self._motors[name] = motor
+        self._set_motor(name, motor)
         if not self._physics:
             joint = self._scene.joints[name]
-            self._data.qpos[joint.place] = joint.place_of(motor.position)
+            self._places[joint.place] = joint.place_of(motor.position)
 
     def _update(self) -> None:
         mujoco.mj_kinematics(self._scene.model, self._data)

@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,22 @@ def test_noise_has_its_deviation_and_no_memory(room: World) -> None:
     assert abs(np.mean(errors)) < 1
     assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.05
     assert np.array_equal(room.scan("laser"), room.scan("laser"))
+
+
+def test_noise_depends_on_nothing_but_the_tick(tmp_path: Path, room: World) -> None:
+    other = world(tmp_path)
+    for each in (room, other):
+        each.set_noise("laser", 20.0)
+        each.set_noise("chair", 0.3)
+        each.drive("chair", ahead=100)
+    room.step(20)
+    for _ in range(20):
+        other.step()
+        other.scan("laser")
+    with ThreadPoolExecutor(1) as threads:
+        elsewhere = threads.submit(other.scan, "laser").result()
+    assert np.array_equal(elsewhere, room.scan("laser"))
+    assert other.digest() == room.digest()
 
 
 def test_what_is_not_there_is_not_disturbed(room: World) -> None:
@@ -219,13 +236,21 @@ def test_a_joint_moves_at_its_speed_to_within_its_limits(room: World) -> None:
 # The same every time.
 
 
-def story(room: World) -> str:
+def story(room: World, at_once: int = 300) -> str:
     room.set_noise("laser", 5.0)
     room.drive("base", ahead=250, turn=0.4)
     room.drive("chair", ahead=100, aside=50, turn=-0.3)
     room.move_joint("shoulder", 0.8, speed=0.5)
-    room.step(300)
+    for _ in range(300 // at_once):
+        room.step(at_once)
     return room.digest()
+
+
+@pytest.mark.parametrize("physics", [False, True])
+def test_ticks_at_once_are_the_same_as_one_by_one(tmp_path: Path, physics: bool) -> None:
+    at_once, one_by_one = (world(tmp_path, physics=physics) for _ in range(2))
+    digest = story(at_once)
+    assert story(one_by_one, at_once=1) == digest
 
 
 def test_another_process_sees_the_same(tmp_path: Path, room: World) -> None:
