@@ -24,7 +24,7 @@ from typing import Protocol
 from ..threads import start_thread
 from ..transports.base import receives
 from .balance import State
-from .line import ANSWER, MOST, QUESTION, STEP, bound, is_own, pack_state, unpack_state
+from .line import MOST, QUESTION, STEP, bound, is_own, pack_answer, unpack_answer
 
 log = logging.getLogger("robocomp.clock")
 
@@ -39,13 +39,16 @@ _STUCK = 5.0
 
 
 class Answers(Protocol):
-    """What a follower answers. `is_called` returns whether the thread that asks has something else to do."""
+    """What a follower answers. `asking` is the event of the thread that asks, if that is a loop that waits for it."""
 
-    def work(self, now: int, is_called: Callable[[], bool]) -> State | None:
-        """Do all that is due until an instant; None, before that is done, if it is called."""
+    def work(self, now: int, asking: threading.Event | None) -> State | None:
+        """Do all that is due until an instant; None, before that is done, if the asking thread has to do some of it.
 
-    def watch(self, last: State, is_called: Callable[[], bool]) -> State:
-        """Wait until its state differs from the last one, but not long, and not if it is called."""
+        Its event need not be set then.
+        """
+
+    def watch(self, last: State, asking: threading.Event | None) -> State:
+        """Wait until its state differs from the last one, but not long, and not if the event is set."""
 
 
 class Bell:
@@ -77,18 +80,41 @@ class Bell:
 
 
 class Alarm(threading.Event):
-    """The event of a loop, which also ends its `poll`."""
+    """The event of a loop, which also ends its `poll`.
+
+    Only the thread of the loop waits for it. So a lock will do, which takes a fifth of the time of a condition.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.bell = Bell()
         self.is_polled = False
         """Whether the loop polls, or is about to."""
+        self._is_on = False
+        self._setting = threading.Lock()
+        self._rung = threading.Lock()
+        """Released when the event is set."""
+        self._rung.acquire()
+
+    def is_set(self) -> bool:
+        return self._is_on
 
     def set(self) -> None:
-        super().set()
+        with self._setting:
+            self._is_on = True
+            if self._rung.locked():
+                self._rung.release()
         if self.is_polled:
             self.bell.ring()
+
+    def clear(self) -> None:
+        self._is_on = False
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """As that of an event, but it may return earlier."""
+        if not self._is_on:
+            self._rung.acquire(timeout=-1 if timeout is None else timeout)
+        return self._is_on
 
 
 class Answering:
@@ -105,6 +131,7 @@ class Answering:
         self._listening: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._registered = False
+        self._buffer = bytearray(MOST)  # a new one for each question costs more than the question
         self._closed = False
         self._lock = threading.Lock()
         self._connected: socket.socket | None = None
@@ -185,23 +212,22 @@ class Answering:
                 self._bell.ring()
 
     def _attend(self, sock: socket.socket, timeout: float) -> bool:
-        alarm, number = self.alarm, sock.fileno()
+        alarm, number, wait = self.alarm, sock.fileno(), self._poll
         if not self._registered:
             self._registered = True
             receives(self._step_aside)
         question, self._owed = self._owed, b""
         while True:
-            if question and not self._answer(sock, question, alarm.is_set):
+            if question and not self._answer(sock, question, alarm):
                 self._owed = question
                 return True
             alarm.is_polled = True
-            ready = [] if alarm.is_set() else self._poll(timeout * 1000)
+            ready = [] if alarm.is_set() else wait(timeout * 1000)
             alarm.is_polled = False
-            if len(ready) != 1 or ready[0][0] != number:
+            if len(ready) != 1 or ready[0][0] != number:  # the alarm, or nothing for this time
                 alarm.bell.silence()
-            if alarm.is_set() or not ready:
                 return alarm.is_set()
-            question = sock.recv(MOST) if any(each == number for each, _ in ready) else b""
+            question = self._receive(sock)
             if not question:
                 raise OSError("the connection has ended")
 
@@ -266,10 +292,10 @@ class Answering:
                     self._bell.silence()
                 if all(number == self._bell.number for number, _ in ready):
                     continue
-                question = sock.recv(MOST)
+                question = self._receive(sock)
                 if not question:
                     return
-            self._answer(sock, question, lambda: False)
+            self._answer(sock, question)
 
     def _look_out(self) -> None:
         """Return when the loop receives no longer."""
@@ -290,14 +316,19 @@ class Answering:
                     return
                 self._is_watched = quiet < _QUIET
 
-    def _answer(self, sock: socket.socket, question: bytes, is_called: Callable[[], bool]) -> bool:
-        """Answer a question; False, without an answer, if it is called."""
+    def _receive(self, sock: socket.socket) -> bytes:
+        """The next question; "" if the connection has ended. Called by the thread that receives."""
+        return bytes(self._buffer[: sock.recv_into(self._buffer)])
+
+    def _answer(self, sock: socket.socket, question: bytes, asking: threading.Event | None = None) -> bool:
+        """Answer a question; False, without an answer, if the asking thread has something else to do."""
         number, kind, now = QUESTION.unpack_from(question)
         if kind == STEP:
-            state = self._answers.work(now, is_called)
+            state = self._answers.work(now, asking)
         else:
-            state = self._answers.watch(unpack_state(question, QUESTION.size), is_called)
+            _, last = unpack_answer(question, QUESTION.size, len(question))
+            state = self._answers.watch(last, asking)
         if state is None:
             return False
-        sock.send(ANSWER.pack(number) + pack_state(state))
+        sock.send(pack_answer(number, state))
         return True

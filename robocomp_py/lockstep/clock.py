@@ -7,6 +7,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator
+from enum import Enum, auto
 
 from ..runtime.clock import NEVER, SECOND
 
@@ -14,8 +15,36 @@ _SLICE = 0.2
 """Seconds between two looks at whether the clock is still followed."""
 
 
+class Moved(Enum):
+    """Whether a clock was moved, and which thread goes on."""
+
+    NOT = auto()
+    """Because a thread works."""
+    QUIETLY = auto()
+    """None goes on."""
+    TO_ASKING = auto()
+    """The one that asked for it."""
+    TO_OTHER = auto()
+
+
+class _Waiter:
+    """A thread that waits for a clock, or works between two waits, as long as the event by which it waits exists."""
+
+    __slots__ = ("age", "event", "until")
+
+    def __init__(self, event: threading.Event, age: int, working: set[_Waiter]) -> None:
+        """It leaves the set `working` at the end of its event."""
+        self.event = weakref.ref(event, lambda _: working.discard(self))
+        self.age = age
+        self.until = 0
+        """The instant for which it waits."""
+
+    def is_before(self, other: _Waiter) -> bool:
+        return (self.until, self.age) < (other.until, other.age)
+
+
 class Followed:
-    """A time that passes by `advance`, from the instant at which its component is ready until it ends.
+    """A time that passes by `proceed`, from the instant at which its component is ready until it ends.
 
     Before and after that, the time that a component waits passes as on the machine. The clock also knows whether a
     thread that has waited for it works outside of the monitor of the component.
@@ -32,30 +61,34 @@ class Followed:
         """Released when a thread begins to wait, if one is interested."""
         self._is_watched = False
         """Whether a thread waits for news."""
-        self._waiting: dict[threading.Event, int] = {}
-        """Until when each thread waits, by its event."""
-        self._working: weakref.WeakSet[threading.Event] = weakref.WeakSet()
-        """The events of threads that work. That of a `sleep` is dropped when its thread is inside the monitor again."""
-        self._ages: weakref.WeakKeyDictionary[threading.Event, int] = weakref.WeakKeyDictionary()
-        """In which order threads waited for the first time: that of `compute` before that of the timers."""
+        self._waiting: dict[threading.Event, _Waiter] = {}
+        """Those of threads that wait."""
+        self._working: set[_Waiter] = set()
+        """Those of threads that work. That of a `sleep` is dropped when its thread is inside the monitor again."""
+        self._waiters: weakref.WeakKeyDictionary[threading.Event, _Waiter] = weakref.WeakKeyDictionary()
+        """In the order in which threads waited for the first time: that of `compute` before that of the timers."""
+        self._begun = 0
+        """Number of waiters so far."""
         self._own = threading.local()
-        """`event` is a weak reference to the first event by which this thread has waited, which is that of its loop."""
+        """`loop` is the first waiter of this thread, which is that of its loop."""
 
     def now(self) -> int:
         return self._now
 
     def wait(self, wake: threading.Event, until: int) -> bool:
+        working = self._working
         with self._changed:
-            if wake not in self._ages:
-                self._ages[wake] = len(self._ages)
-            loop = self._loop_of_this_thread(wake)
+            loop = self._loop_of_this_thread()
+            waiter = loop if loop and loop.event() is wake else self._waiter(wake)
+            if loop is None:
+                loop = self._own.loop = waiter
             if until <= self._now or wake.is_set():
-                self._working.add(wake)
+                working.add(waiter)
                 return wake.is_set()
-            self._working.discard(wake)
-            if loop is not wake:
-                self._working.discard(loop)
-            self._waiting[wake] = until
+            working.discard(waiter)
+            working.discard(loop)
+            waiter.until = until
+            self._waiting[wake] = waiter
             if self._is_watched:
                 self._is_watched = False
                 self._news.release()
@@ -64,16 +97,14 @@ class Followed:
         finally:
             with self._changed:
                 del self._waiting[wake]
-                self._working.add(wake)
-                if loop is not wake:
-                    self._working.add(loop)
+                working.add(waiter)
+                working.add(loop)
         return wake.is_set()
 
     @contextlib.contextmanager
     def away(self) -> Iterator[None]:
         """The calling thread does not count as working while the block runs, which waits for something else."""
-        ref = getattr(self._own, "event", None)
-        loop = ref() if ref else None
+        loop = self._loop_of_this_thread()
         with self._changed:
             if loop:
                 self._working.discard(loop)
@@ -89,34 +120,33 @@ class Followed:
         with self._changed:
             self._now = max(self._now, to)
 
-    def advance(self, to: int) -> bool:
-        """Move the clock, and wake the thread that waits for the earliest instant that has come, if there is one.
+    def proceed(self, to: int, asking: threading.Event | None = None) -> Moved:
+        """Move the clock, and wake the thread that waits for the earliest instant that has come; none if one works.
 
-        One thread at a time: call it again once that one waits again.
+        One thread at a time: call it again once that one waits again. The calling thread itself may wait, by the event
+        `asking`. If it is the one to go on, its event is not set.
         """
         with self._changed:
-            return self._advance(to)
-
-    def proceed(self, to: int) -> bool | None:
-        """As `advance`, but None, without waking any, if a thread works."""
-        with self._changed:
-            return self._advance(to) if self._is_still() else None
-
-    def _advance(self, to: int) -> bool:
-        self._now = now = max(self._now, to)
-        due = [each for each, until in self._waiting.items() if until <= now and not each.is_set()]
-        if not due:
-            return False
-        first = due[0] if len(due) == 1 else min(due, key=lambda each: (self._waiting[each], self._ages[each]))
-        self._working.add(first)
-        first.set()
-        return True
+            if not self._is_still():
+                return Moved.NOT
+            self._now = now = max(self._now, to)
+            first, wakes = None, None
+            for wake, waiter in self._waiting.items():
+                if waiter.until <= now and (first is None or waiter.is_before(first)):
+                    first, wakes = waiter, wake
+            if first is None or wakes is None:
+                return Moved.QUIETLY
+            self._working.add(first)
+        if wakes is asking:
+            return Moved.TO_ASKING
+        wakes.set()
+        return Moved.TO_OTHER
 
     @property
     def due(self) -> int:
         """The earliest instant for which a thread waits; NEVER if none does."""
         with self._changed:
-            return min(self._waiting.values(), default=NEVER)
+            return min([each.until for each in self._waiting.values()], default=NEVER)
 
     @property
     def is_still(self) -> bool:
@@ -125,15 +155,20 @@ class Followed:
             return self._is_still()
 
     def _is_still(self) -> bool:
-        return not self._working and not any(wake.is_set() for wake in self._waiting)
+        return not self._working and not any([wake.is_set() for wake in self._waiting])
 
-    def _loop_of_this_thread(self, wake: threading.Event) -> threading.Event:
-        """The event of the loop that this thread runs; `wake` if it runs none."""
-        ref = getattr(self._own, "event", None)
-        loop: threading.Event | None = ref() if ref else None
-        if loop is None:
-            loop, self._own.event = wake, weakref.ref(wake)
-        return loop
+    def _loop_of_this_thread(self) -> _Waiter | None:
+        """The waiter of the loop that this thread runs; None if it runs none, or if that is over."""
+        loop: _Waiter | None = getattr(self._own, "loop", None)
+        return loop if loop and loop.event() else None
+
+    def _waiter(self, wake: threading.Event) -> _Waiter:
+        """Called with the lock."""
+        waiter = self._waiters.get(wake)
+        if waiter is None:
+            self._begun += 1
+            self._waiters[wake] = waiter = _Waiter(wake, self._begun, self._working)
+        return waiter
 
     def _wait(self, wake: threading.Event, until: int) -> None:
         """Wait for the event, or until the time has passed by itself."""

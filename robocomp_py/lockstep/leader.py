@@ -6,8 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ..contract.component import Port
 from ..contract.interface import Verb
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from ..runtime.settings import Settings
 
 log = logging.getLogger("robocomp.clock")
+
+_T = TypeVar("_T")
 
 _DEADLINE = 2.0
 """Longest duration of one question in seconds."""
@@ -275,7 +276,7 @@ class Leader:
         with self._lock:
             self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
         for each in list(self._seats):
-            self._ask(each, partial(each.asked.step, self._now))
+            self._ask(each, each.asked.step, self._now)
         self._count_anew()
         self._settle()
 
@@ -287,11 +288,11 @@ class Leader:
             self._settle()
         for each in seats:
             if each.state.due > instant:
-                self._ask(each, partial(each.asked.step, instant))  # so that its handlers see the time
+                self._ask(each, each.asked.step, instant)  # so that its handlers see the time
         for each in seats:
             if each.state.due <= instant and each in self._seats:
                 before = each.state
-                self._ask(each, partial(each.asked.step, instant))
+                self._ask(each, each.asked.step, instant)
                 if self._is_outdated or not each.state.settled or each.state[2:] != before[2:]:
                     self._settle()  # otherwise, nothing was sent and nothing was handled
 
@@ -338,15 +339,15 @@ class Leader:
         changed = False
         for each in list(seats):
             before = each.state
-            self._ask(each, partial(each.asked.look, last or before))
+            self._ask(each, each.asked.look, last or before)
             changed |= each.state != before or each not in self._seats
         return changed
 
-    def _ask(self, seat: _Seat, question: Callable[[], State]) -> None:
+    def _ask(self, seat: _Seat, question: Callable[[_T], State], about: _T) -> None:
         """Take a new report of a component; without an answer, go on without it."""
         made = seat.state.made
         try:
-            seat.state, seat.silent = question(), 0
+            seat.state, seat.silent = question(about), 0
             self._is_outdated |= seat.state.made != made
         except Timeout as exc:
             seat.silent += 1

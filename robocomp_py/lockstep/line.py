@@ -3,7 +3,7 @@
 This is the leader's end, and the form of the messages; that of the follower is in `answering.py`.
 
     question    number, kind, instant                          for a step
-                number, kind, the last state                   for a look
+                number, kind, 0, the last answer               for a look
     answer      number, the state
 
 It takes a tenth of the time of a query over a middleware, and its end tells at once that the other process is gone.
@@ -17,6 +17,7 @@ import logging
 import os
 import socket
 import struct
+from functools import cache
 from typing import Protocol
 
 from ..errors import Timeout, Unreachable
@@ -26,8 +27,8 @@ log = logging.getLogger("robocomp.clock")
 
 STEP, LOOK = 0, 1
 QUESTION = struct.Struct("<IBq")
-ANSWER = struct.Struct("<I")
-_STATE = struct.Struct("<q?iq")
+_ANSWER = "<Iq?iq{}q"
+_ANSWER_SIZE = struct.calcsize(_ANSWER.format(0))
 _CREDENTIALS = struct.Struct("3i")
 MOST = 1 << 16
 """Octets of a message: enough for thousands of counters. A longer one ends the line."""
@@ -47,6 +48,7 @@ class Line:
     def __init__(self, sock: socket.socket, deadline: float) -> None:
         """A question takes at most `deadline` seconds, on a socket that was connected by `connect`."""
         self._sock, self._deadline, self._number = sock, deadline, 0
+        self._buffer = bytearray(MOST)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(deadline))
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(deadline))
 
@@ -56,7 +58,7 @@ class Line:
 
     def look(self, last: State) -> State:
         """As `step`."""
-        return self._ask(LOOK, 0, pack_state(last))
+        return self._ask(LOOK, 0, pack_answer(0, last))
 
     def close(self) -> None:
         self._sock.close()
@@ -65,9 +67,10 @@ class Line:
         self._number = number = (self._number + 1) & 0xFFFFFFFF
         try:
             self._sock.send(QUESTION.pack(number, kind, now) + rest)
-            while answer := self._sock.recv(MOST):
-                if ANSWER.unpack_from(answer)[0] == number:  # else it is one that came too late
-                    return unpack_state(answer, ANSWER.size)
+            while size := self._sock.recv_into(self._buffer):
+                answered, state = unpack_answer(self._buffer, 0, size)
+                if answered == number:  # else it is one that came too late
+                    return state
         except BlockingIOError as exc:
             raise Timeout(f"no answer for {self._deadline:g} s") from exc
         except (OSError, struct.error) as exc:
@@ -123,12 +126,20 @@ def _timeval(seconds: float) -> bytes:
     return struct.pack("ll", int(seconds), int(seconds % 1 * 1_000_000))
 
 
-def pack_state(state: State) -> bytes:
-    numbers = state.numbers
-    return _STATE.pack(state.due, state.settled, state.version, state.made) + struct.pack(f"<{len(numbers)}q", *numbers)
+def pack_answer(number: int, state: State) -> bytes:
+    """The answer to the question of this number."""
+    due, settled, version, numbers, made = state
+    return _form(len(numbers)).pack(number, due, settled, version, made, *numbers)
 
 
-def unpack_state(octets: bytes, at: int) -> State:
-    due, settled, version, made = _STATE.unpack_from(octets, at)
-    at += _STATE.size
-    return State(due, settled, version, struct.unpack_from(f"<{(len(octets) - at) // 8}q", octets, at), made)
+def unpack_answer(octets: bytes | bytearray, begin: int, end: int) -> tuple[int, State]:
+    """The number of the question, and the state, of an answer that is a part of these octets."""
+    form = _form((end - begin - _ANSWER_SIZE) // 8)
+    number, due, settled, version, made, *numbers = form.unpack_from(octets, begin)
+    return number, State(due, settled, version, tuple(numbers), made)
+
+
+@cache
+def _form(numbers: int) -> struct.Struct:
+    """The form of an answer with so many numbers."""
+    return struct.Struct(_ANSWER.format(numbers))

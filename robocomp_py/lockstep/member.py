@@ -19,7 +19,7 @@ from ..transports.base import about_to_block
 from ..wire import names
 from .answering import Answering
 from .balance import State
-from .clock import Followed
+from .clock import Followed, Moved
 from .counts import Counts
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
@@ -149,10 +149,13 @@ class Member:
 
     def step(self, now: int) -> State:
         """Do all that is due until an instant."""
-        return self.work(now, _never) or self._state()
+        return self.work(now) or self._state()
 
-    def work(self, now: int, is_called: Callable[[], bool]) -> State | None:
-        """As `step`, but None, before that is done, if it is called: the calling thread has something else to do."""
+    def work(self, now: int, asking: threading.Event | None = None) -> State | None:
+        """As `step`, but None, before that is done, if the calling thread has something to do.
+
+        That is the case if the event `asking`, by which it waits for the clock, is set, or if it is due itself.
+        """
         clock, counts = self.clock, self.counts
         if not self._admitted.is_set():
             clock.set(now)  # first: it is what the component sees when it begins
@@ -161,14 +164,16 @@ class Member:
         while True:
             is_busy = not self._is_idle()
             if not is_busy and (not counts.calls or elapsed - quiet > _CALL):
-                woken = clock.proceed(now)
-                if woken is False:
+                moved = clock.proceed(now, asking)
+                if moved is Moved.QUIETLY:
                     return State(clock.due, True, counts.version, counts.numbers(), counts.made)
-                is_busy = woken is None
+                if moved is Moved.TO_ASKING:
+                    return None
+                is_busy = moved is Moved.NOT
             else:
                 clock.set(now)
                 is_busy = is_busy or not clock.is_still
-            if is_called():
+            if asking and asking.is_set():
                 return None
             if elapsed - begun > PATIENCE or (is_busy and self._is_over()):
                 return self._state()
@@ -181,12 +186,14 @@ class Member:
 
     def look(self, last: State) -> State:
         """Wait until its state differs from the last one, but not long."""
-        return self.watch(last, _never)
+        return self.watch(last)
 
-    def watch(self, last: State, is_called: Callable[[], bool]) -> State:
-        """As `look`, but it does not wait if it is called."""
+    def watch(self, last: State, asking: threading.Event | None = None) -> State:
+        """As `look`, but it does not wait if the event `asking`, by which the calling thread waits, is set."""
         begun = time.monotonic()
-        while (now := self._state()) == last and time.monotonic() - begun < PATIENCE and not is_called():
+        while (
+            (now := self._state()) == last and time.monotonic() - begun < PATIENCE and not (asking and asking.is_set())
+        ):
             about_to_block()
             self.clock.wait_change(_POLL)
         return now
@@ -226,7 +233,3 @@ class Member:
                     log.warning("the clock stands still: %s, which leads it, does not answer", self.leader[1:])
                 told = str(exc)
             self._closing.wait(_AGAIN if self._admitted.is_set() else _AGAIN / 10)
-
-
-def _never() -> bool:
-    return False

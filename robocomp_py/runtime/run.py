@@ -11,7 +11,7 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -496,8 +496,7 @@ class Running:
         """Call the worker's method for a state that is entered, unless an earlier one has failed."""
         method = getattr(self.worker, f"sm_{label(state)}")
         if not self.failed:
-            with self._guarded(method):
-                method()
+            self._guard(method, method)
 
     def _on_the_beat(self, hook: Callable[[], None], then: Callable[[], None] | None = None) -> bool:
         """Call a hook if it is due, and something after it, and return whether it was."""
@@ -618,20 +617,25 @@ class Running:
 
     def _call_inside(self, hook: Callable[[], object]) -> None:
         """Run a timer's method, or a function, when inside the monitor."""
-        with self._guarded(hook):
-            hook()
+        self._guard(hook, hook)
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook inside the monitor, and handle what it raises."""
-        with self._guarded(hook), self.monitor.held(early=early):
-            hook()
+        self._guard(hook, partial(self._held, hook, early))
 
-    @contextlib.contextmanager
-    def _guarded(self, hook: Callable[[], object]) -> Iterator[None]:
+    def _held(self, hook: Callable[[], None], early: bool) -> None:
+        self.monitor.enter(early=early)  # on the path of every instant: `with` costs more
+        try:
+            hook()
+        finally:
+            self.monitor.leave()
+
+    def _guard(self, hook: Callable[[], object], run: Callable[[], object]) -> None:
+        """Run a hook by `run`, and handle what it raises."""
         name = _name(hook)
         self._doing.append(name)
         try:
-            yield
+            run()
             self._last_hindrance = ""
         except TransportError as exc:
             self._note_transport_error(hook, exc)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
-from robocomp_py.lockstep.clock import Followed
+from robocomp_py.lockstep.clock import Followed, Moved
 from robocomp_py.runtime.clock import NEVER
 from robocomp_py.testing.patience import SOON, wait_until
 
@@ -16,9 +16,9 @@ def test_a_wait_ends_at_its_instant_and_not_before() -> None:
         waiting = pool.submit(clock.wait, wake, 100)
         wait_until(lambda: clock.due == 100)
         assert clock.is_still
-        assert not clock.advance(99)
+        assert clock.proceed(99) is Moved.QUIETLY
         assert clock.due == 100
-        assert clock.advance(100)
+        assert clock.proceed(100) is Moved.TO_OTHER
         waiting.result(SOON)
     assert clock.now() == 100
     assert clock.due == NEVER
@@ -30,13 +30,27 @@ def test_one_thread_goes_on_at_a_time_the_earliest_first() -> None:
         later = pool.submit(clock.wait, second, 200)
         earlier = pool.submit(clock.wait, first, 100)
         wait_until(lambda: len(clock._waiting) == 2)
-        assert clock.advance(300)
+        assert clock.proceed(300) is Moved.TO_OTHER
         earlier.result(SOON)
+        assert clock.proceed(300) is Moved.NOT, "the first one works"
         assert not later.done()
-        assert not clock.is_still, "the first one works"
-        assert clock.advance(300)
+        del first, earlier
+        wait_until(lambda: clock.proceed(300) is Moved.TO_OTHER)
         later.result(SOON)
-        assert not clock.advance(300)
+
+
+def test_a_thread_that_asks_is_told_that_it_goes_on_itself() -> None:
+    clock, wake = Followed(lambda: False), threading.Event()
+    asked: list[Moved] = []
+
+    def ask(event: threading.Event, _: float) -> bool:
+        asked.append(clock.proceed(100, event))
+        return True
+
+    clock.pause = ask
+    assert not clock.wait(wake, 100), "its event is not set"
+    assert asked == [Moved.TO_ASKING]
+    assert not clock.is_still
 
 
 def test_a_thread_works_from_the_end_of_a_wait_until_its_next_one_or_until_it_drops_its_event() -> None:

@@ -30,15 +30,15 @@ class Follower:
         self.calls: Callable[[], object] | None = None
         """Called, once, instead of answering a step."""
 
-    def work(self, now: int, is_called: Callable[[], bool]) -> State | None:
+    def work(self, now: int, asking: threading.Event | None) -> State | None:
         assert self.may_answer.wait(SOON)
         self.answered_by.append(threading.get_ident())
         if self.calls:
             call, self.calls = self.calls, None
             call()
-        return None if is_called() else State(now, False, 7, ())
+        return None if asking and asking.is_set() else State(now, False, 7, ())
 
-    def watch(self, last: State, is_called: Callable[[], bool]) -> State:
+    def watch(self, last: State, asking: threading.Event | None) -> State:
         return last
 
 
