@@ -328,7 +328,8 @@ class Running:
         worker._set_period = self._set_period
         worker._wake = self._wake.set
         worker._suspended = self.monitor.suspended
-        worker._settings = self.settings
+        worker.instance = self.settings.instance
+        worker._document = self.settings.document
         worker._seed = None if seed is None else (seed, *self.settings.instance.encode())
         if self.settings.diary:
             from .diary import opened  # few components have one

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from .clock import Clock
-    from .settings import Settings
+    from .document import Document
 
 P = TypeVar("P")
 
@@ -54,6 +54,9 @@ class Worker(ABC, Generic[P]):
     log: logging.Logger
     """The logger of this component."""
 
+    instance: str
+    """The name of this instance in its network."""
+
     _configured: P
     _signal: Callable[[Event], None]
     _state: Callable[[], State]
@@ -67,7 +70,9 @@ class Worker(ABC, Generic[P]):
     _suspended: Callable[[], AbstractContextManager[None]]
     """A context manager around a wait, during which handlers may run."""
 
-    _settings: Settings
+    _document: Document | None
+    """Its configuration, if it comes from a file."""
+
     _seed: tuple[int, ...] | None
 
     _in_front: Front | None = None
@@ -158,11 +163,6 @@ class Worker(ABC, Generic[P]):
     def params(self) -> P:
         """The configured parameters; read-only. Dynamic ones may be changed from outside, between two calls."""
         return self._configured
-
-    @cached_property
-    def instance(self) -> str:
-        """The name of this instance in its network."""
-        return self._settings.instance
 
     reads_caller = False
     """Whether handlers may read `caller`. Set it to True in `SpecificWorker`; other components spend nothing on it."""

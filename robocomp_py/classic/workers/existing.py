@@ -26,6 +26,7 @@ from ...contract.component import Port
 from ...contract.interface import Operation
 from ...contract.statemachine import StateMachine, label
 from ...errors import ComponentError, TransportError
+from ...runtime.document import Document
 from ...runtime.lifecycle import Beat
 from ...runtime.trace import frames_in, times_more, user_trace, way_of
 from ...runtime.worker import Worker
@@ -171,7 +172,7 @@ class ExistingWorker(Worker[Any]):
             outside=self._suspended,
             tell=self._tell,
             folder=self._home,
-            name=self._settings.instance,
+            name=self.instance,
         )
         self._in_front = self._loop.in_front
         self._imports = self._surroundings()
@@ -202,7 +203,7 @@ class ExistingWorker(Worker[Any]):
         Worker.period.__set__(self, seconds)  # type: ignore[attr-defined]  # a property, to mypy a function
 
     def initialize(self) -> None:
-        texts, tables = entries(self._settings)
+        texts, tables = entries(self._document or Document(), self._period)
         proxies = {key: proxy for port, proxy in self._proxies() for key in spellings.keys(port)}
         given = {"proxies": proxies, "tables": tables, "texts": texts, "no": False}
         params = tables if "tables" in self._wanted else texts

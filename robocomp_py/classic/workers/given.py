@@ -12,23 +12,21 @@ from typing import Any
 
 from ...contract.parameters import Key
 from ...runtime.document import Document, parsed
-from ...runtime.settings import Settings
 from .. import configuration as classic
 
 Entries = dict[tuple[str, ...], Any]
 
 
-def entries(settings: Settings) -> tuple[dict[str, str], dict[str, Any]]:
-    """The parameters as texts and as tables, with overrides of the file in both."""
+def entries(document: Document, period: float) -> tuple[dict[str, str], dict[str, Any]]:
+    """The parameters as texts and as tables, with overrides of the file in both. `period` is in seconds."""
     texts: dict[str, str] = {}
     values: Entries = {}
-    document = settings.document or Document()
     for names, text, value in _of_file(document):
         texts[".".join(names)], values[names] = text, value
     overridden = [key for key, _ in document.overrides]
     for key, value in _set(document.data, overridden):
         texts[".".join(key)], values[key] = _text(value), value
-    return texts, _nested(values, settings)
+    return texts, _nested(values, period)
 
 
 def _of_file(document: Document) -> list[tuple[tuple[str, ...], str, Any]]:
@@ -54,8 +52,8 @@ def _set(data: Mapping[str, Any], overridden: list[Key]) -> list[tuple[tuple[str
     return found
 
 
-def _nested(values: Entries, settings: Settings) -> dict[str, Any]:
-    tables: dict[str, Any] = {"Period": {"Compute": round(settings.period * 1000), "Emergency": 500}}
+def _nested(values: Entries, period: float) -> dict[str, Any]:
+    tables: dict[str, Any] = {"Period": {"Compute": round(period * 1000), "Emergency": 500}}
     for names, value in values.items():
         table = tables
         for name in names[:-1]:
