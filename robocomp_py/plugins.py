@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from .codegen.generate import Artifact
     from .contract.component import Component
     from .contract.parameters import ParameterSet
-    from .dsl.diagnostics import Report
+    from .dsl.cdsl.model import Component as Model
+    from .dsl.diagnostics import Diagnostic, Report
     from .dsl.source import Source
-    from .dsl.workspace import LinkedComponent, Workspace
     from .runtime.document import Document
     from .runtime.worker import Worker
 
@@ -65,8 +65,13 @@ class WorkerLoader(Protocol):
         `alone` is whether no other component shares its process. Raises ComponentError if it cannot be run.
         """
 
-    def adopted(self, linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Adopted:
-        """What `rcgen` tells of such a component, of which it writes the generic part only."""
+    def adopted(
+        self, component: Component, model: Model | None, found: Sequence[Diagnostic], folder: Path, middleware: str
+    ) -> Adopted:
+        """What `rcgen` tells of such a component, of which it writes the generic part only.
+
+        `model` is what its CDSL file says, and `found` what was found in the files that were read.
+        """
 
 
 class Adopted(Protocol):

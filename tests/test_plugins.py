@@ -64,7 +64,7 @@ class Told:
     def to_json(self):
         return [{"what": "toy"}]
 
-def adopted(linked, folder, workspace, middleware):
+def adopted(component, model, found, folder, middleware):
     return Told()
 """
 IMPORTER = """

@@ -21,10 +21,9 @@ from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import ParameterSet
 from ..dsl.cdsl.model import Component as CdslComponent
-from ..dsl.cdsl.parser import parse as parse_cdsl
-from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
+from ..dsl.diagnostics import Diagnostic, did_you_mean, mistyped
 from ..dsl.source import Span
-from ..dsl.workspace import LinkedComponent, Workspace, read_file
+from ..dsl.workspace import read_file
 from ..errors import ConfigurationError
 from ..runtime import settings
 from ..spelling import unknown
@@ -78,17 +77,18 @@ class Findings:
         return [each.to_json() for each in self.all]
 
 
-def find(linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Findings:
-    """The findings about the component in a folder."""
-    return Findings(folder, tuple(_find(linked, folder, workspace, middleware)))
+def find(
+    component: Component, model: CdslComponent | None, found: Sequence[Diagnostic], folder: Path, middleware: str
+) -> Findings:
+    """The findings about the component in a folder. See `plugins.WorkerLoader.adopted`."""
+    return Findings(folder, tuple(_find(component, model, found, folder, middleware)))
 
 
-def _find(linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Iterator[Finding]:
-    component = linked.component
-    source = workspace.source(linked.path)
-    model = parse_cdsl(source, Report()) if source else None
+def _find(
+    component: Component, model: CdslComponent | None, found: Sequence[Diagnostic], folder: Path, middleware: str
+) -> Iterator[Finding]:
     if model:
-        yield from in_model(model, workspace.report.diagnostics)
+        yield from in_model(model, found)
     yield from in_worker(read_file(folder / WORKER).decode(errors="replace"), component)
     configuration = settings.find(folder)
     if configuration is None:

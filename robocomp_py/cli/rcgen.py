@@ -289,7 +289,7 @@ def _jobs(
         as_before = not middleware and chosen != AUTO
         artifacts, adopted = _not_configured_yet(generate(model), root), None
         if loader := plugins.worker_loader(root):
-            adopted = loader.adopted(linked, root, workspace, chosen)
+            adopted = loader.adopted(linked.component, linked.model, workspace.report.diagnostics, root, chosen)
             artifacts = tuple(each for each in artifacts if _serves_adopted(each))
         jobs[root.resolve()] = _Job(model, root, artifacts, as_before, linked, trace, adopted)
     return list(jobs.values())

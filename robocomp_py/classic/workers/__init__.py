@@ -9,7 +9,11 @@ from .kind import accepts as accepts
 from .kind import component as component
 
 if TYPE_CHECKING:
-    from ...dsl.workspace import LinkedComponent, Workspace
+    from collections.abc import Sequence
+
+    from ...contract.component import Component
+    from ...dsl.cdsl.model import Component as Model
+    from ...dsl.diagnostics import Diagnostic
     from ...runtime.worker import Worker
     from ..findings import Findings
 
@@ -20,7 +24,9 @@ def load(folder: Path, package: str, *, alone: bool) -> type[Worker[Any]]:
     return existing_worker(folder, package, alone)
 
 
-def adopted(linked: LinkedComponent, folder: Path, workspace: Workspace, middleware: str) -> Findings:
+def adopted(
+    component: Component, model: Model | None, found: Sequence[Diagnostic], folder: Path, middleware: str
+) -> Findings:
     from ..findings import find  # needs the build half
 
-    return find(linked, folder, workspace, middleware)
+    return find(component, model, found, folder, middleware)
