@@ -7,12 +7,13 @@ import os
 import platform
 import threading
 import time
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from .. import __version__
+from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import ParameterKind, dotted, flat
 from ..contract.types import ExceptionType, Struct, walk
@@ -26,17 +27,45 @@ from .tally import Tally
 
 if TYPE_CHECKING:
     from .commonbehavior import CommonBehavior
-    from .run import Running
+    from .lifecycle import State
+    from .monitor import Monitor
+    from .settings import Settings
     from .telling import Telling
+    from .worker import Worker
 
 _MOST_LOGGERS = 64
 """Maximum number of loggers whose level may be set."""
 
 
+class Describable(Protocol):
+    """A component, as far as it is told of; see `run.Running`."""
+
+    component: Component
+    settings: Settings
+    worker: Worker[Any]
+    monitor: Monitor
+    state: State
+    started: int
+    """When it was made, in ns since 1970."""
+    begun: float
+    """The same on the monotonic clock, in seconds."""
+
+    @property
+    def clock_name(self) -> str: ...
+
+    @property
+    def computes(self) -> int: ...
+
+    @property
+    def all_overruns(self) -> int: ...
+
+    def publish(self, port: Port) -> tuple[Any, Callable[[], None]]: ...
+
+
 class Describing:
     """What one component answers. Safe to use from any thread."""
 
-    def __init__(self, running: Running, behavior: CommonBehavior) -> None:
+    def __init__(self, running: Describable, behavior: CommonBehavior) -> None:
         self._running, self._behavior = running, behavior
         self._levels: dict[str, int] = {}
         """The levels of loggers before they were set."""

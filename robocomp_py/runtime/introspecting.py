@@ -18,9 +18,8 @@ from .introspected import TEXTS
 
 if TYPE_CHECKING:
     from .commonbehavior import CommonBehavior
-    from .describing import Describing
+    from .describing import Describable, Describing
     from .RoboCompIntrospection import Description, Measures
-    from .run import Running
 
 NAME = "RoboCompIntrospection::Introspection"
 
@@ -28,7 +27,7 @@ NAME = "RoboCompIntrospection::Introspection"
 class Introspection:
     """Handlers of the interface for one component. They run concurrently with its code and return quickly."""
 
-    def __init__(self, running: Running, behavior: CommonBehavior) -> None:
+    def __init__(self, running: Describable, behavior: CommonBehavior) -> None:
         self._running, self._behavior = running, behavior
         self._making = threading.Lock()
         self._made: Describing | None = None
