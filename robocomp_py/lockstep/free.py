@@ -20,12 +20,11 @@ from ..runtime.clock import NEVER, SECOND, ns
 from ..runtime.ports import Proxy
 from ..threads import NO_THREAD, start_thread
 from ..wire import names
-from .links import Publishes
+from .links import Hears, Publishes
 from .pace import MAX_SPEED, MAX_STEP
 from .RoboCompClock import CLOCK_INTERFACE, CLOCKCONTROL_INTERFACE, ClockState
 
 if TYPE_CHECKING:
-    from ..runtime.connections import Connections
     from ..runtime.settings import Settings
 
 log = logging.getLogger("robocomp.clock")
@@ -130,7 +129,7 @@ class Following(Followed):
         self._newest = 0
         self._told_back = False
 
-    def open(self, connections: Connections) -> None:
+    def open(self, connections: Hears) -> None:
         connections.hear(Port(Verb.SUBSCRIBES, CLOCK_INTERFACE), self, self._leader)
 
     def Clock_tick(self, now: int, speed: float) -> None:

@@ -20,6 +20,12 @@ class Reaches(Serves, Protocol):
         ...
 
 
+class Hears(Protocol):
+    def hear(self, port: Port, handlers: object, instance: str) -> None:
+        """Subscribe to an interface of another component."""
+        ...
+
+
 class Publishes(Serves, Protocol):
     def publish(self, port: Port) -> tuple[Any, Callable[[], None]]:
         """A proxy for a topic, and what closes its links."""

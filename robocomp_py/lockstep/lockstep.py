@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from .clock import Followed
 from .counts import Counts
 from .leader import Leader
+from .links import Reaches
 from .member import Member
 
 if TYPE_CHECKING:
-    from ..runtime.connections import Connections
     from ..runtime.monitor import Threads
     from ..runtime.settings import Settings
 
@@ -52,7 +52,7 @@ class Lockstep:
     def counts(self) -> Counts:
         return self._member.counts
 
-    def open(self, connections: Connections) -> None:
+    def open(self, connections: Reaches) -> None:
         """Open the links to the others."""
         self._member.open(connections)
         if self._leader:

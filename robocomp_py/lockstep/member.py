@@ -21,6 +21,7 @@ from .answering import Answering
 from .balance import State
 from .clock import Followed, Moved
 from .counts import Counts
+from .links import Reaches
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
     LOCKSTEPLEADER_INTERFACE,
@@ -30,7 +31,6 @@ from .RoboCompLockstep import (
 )
 
 if TYPE_CHECKING:
-    from ..runtime.connections import Connections
     from ..runtime.settings import Settings
 
 log = logging.getLogger("robocomp.clock")
@@ -99,7 +99,7 @@ class Member:
         """Whether this component is the leader."""
         return self.leader == self.instance
 
-    def open(self, connections: Connections) -> None:
+    def open(self, connections: Reaches) -> None:
         """Open what connects a follower with its leader."""
         if not self.leads:
             self._line.begin()
