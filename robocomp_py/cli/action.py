@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, INTERRUPTED, USAGE, WRONG, print_table
 from .completing import What, completed
-from .hosts import add_hosts, hosts_of
+from .hosts import add_hosts, code_of, hosts_of
 from .live import (
     Absent,
     add_json,
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from ..contract.goal import GoalState
     from ..contract.interface import Action
     from ..tools.actions import Offered
+    from ..tools.hosts import Hosts
     from ..tools.network import Network
-    from .hosts import Hosts
 
 NAME = "action"
 HELP = "begin, watch and cancel goals of actions"
@@ -116,7 +116,7 @@ def _list(options: argparse.Namespace, hosts: Hosts) -> int:
         print_table(("action", "over", "provided by", "used by"), rows, wrapped=("provided by", "used by"))
     if not rows:
         print(f"rc action list: no action is offered {'there' if hosts.posts else 'on this host'}", file=sys.stderr)
-    return hosts.code(FINE if rows else WRONG)
+    return code_of(hosts, FINE if rows else WRONG)
 
 
 def _info(options: argparse.Namespace, hosts: Hosts) -> int:

@@ -17,8 +17,8 @@ from .live import Absent, Wrong, awaited, nothing_heard, say, spelled
 
 if TYPE_CHECKING:
     from ..tools.calls import Seen
+    from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
-    from .hosts import Hosts
 
 _LOOK = 0.1
 """Seconds between two looks at the clock and at signals."""

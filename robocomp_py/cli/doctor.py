@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, USAGE, WRONG, add_include
 from .completing import What, completed
-from .hosts import add_hosts, hosts_of
+from .hosts import add_hosts, code_of, hosts_of
 from .live import add_json, add_middleware, reported
 from .model import declared
 
@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
             looked = f"{checks} check{'s' * (checks != 1)} of {', '.join(machines)} and {number} components"
             also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
             print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
-        return hosts.code(WRONG if wrong or troubles else FINE)
+        return code_of(hosts, WRONG if wrong or troubles else FINE)
     return code()
 
 

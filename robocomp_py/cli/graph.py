@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .common import FINE, USAGE, WRONG, complain, show
 from .completing import completed
-from .hosts import add_hosts, hosts_of
+from .hosts import add_hosts, code_of, hosts_of
 from .live import reported
 from .model import declared
 from .network import add_overrides, overrides_of
@@ -125,7 +125,7 @@ def _live(options: argparse.Namespace, ending: str) -> int:
             look = seen_twice(Lookout(access, lambda: plan, partial(hosts.look, ())))
         for each in look.troubles:
             print(f"rc graph: could not look: {each}", file=sys.stderr)
-        return hosts.code(_written(draw(picture(look)), options.output))
+        return code_of(hosts, _written(draw(picture(look)), options.output))
     return code()
 
 

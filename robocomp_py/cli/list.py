@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, print_table
-from .hosts import HERE, add_hosts, hosts_of
+from .hosts import HERE, add_hosts, code_of, hosts_of
 from .live import EXIT_STATUS, add_json, add_middleware, reported
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ def run(options: argparse.Namespace) -> int:
         network = hosts.census(options.middleware, own=options.all)
         kinds = [kind for name, kind in _KINDS.items() if getattr(options, name)]
         if options.channels or kinds:
-            return hosts.code(_channels(network, kinds or list(_KINDS.values()), as_json=options.json))
+            return code_of(hosts, _channels(network, kinds or list(_KINDS.values()), as_json=options.json))
         found = network.components(tools=options.all)
-        return hosts.code(_components(found, as_json=options.json, with_hosts=bool(hosts.posts)))
+        return code_of(hosts, _components(found, as_json=options.json, with_hosts=bool(hosts.posts)))
     return code()
 
 

@@ -16,8 +16,8 @@ from .completing import What, completed
 
 if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import End
+    from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
-    from .hosts import Hosts
 
 T = TypeVar("T")
 

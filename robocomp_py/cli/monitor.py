@@ -138,14 +138,4 @@ def _plan(name: str, options: argparse.Namespace) -> Callable[[], Mapping[str, A
 def sight(options: argparse.Namespace, end: contextlib.ExitStack) -> Callable[[], Seen]:
     """What tells what runs on all hosts. A network may be started later, and then has other hosts."""
     hosts = end.enter_context(hosts_of(options, running=False))
-
-    def see() -> Seen:
-        nonlocal hosts
-        if not hosts.posts:
-            with contextlib.ExitStack() as trying:
-                hosts = trying.enter_context(hosts_of(options, running=False))
-                if hosts.posts:
-                    end.push(trying.pop_all())
-        return hosts.look(options.middleware)
-
-    return see
+    return lambda: hosts.renew().look(options.middleware)

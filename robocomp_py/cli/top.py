@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, WRONG
 from .completing import What, completed
-from .hosts import HERE, add_hosts, hosts_of
+from .hosts import HERE, add_hosts, code_of, hosts_of
 from .live import COMPONENT, EXIT_STATUS, Absent, add_json, add_middleware, components_named, positive, reported
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from ..tools.access import Access
+    from ..tools.hosts import Hosts
     from ..tools.measure import Load, Operation
-    from .hosts import Hosts
 
 NAME = "top"
 HELP = "show processor, memory, rates and durations of running components, again and again"
@@ -68,8 +68,8 @@ def run(options: argparse.Namespace) -> int:
         if options.once or options.json or not sys.stdout.isatty():
             for found in looks:
                 _print(found, options, with_hosts=bool(hosts.posts))
-            return hosts.code()
-        return hosts.code(_live(looks, options, with_hosts=bool(hosts.posts)))
+            return code_of(hosts)
+        return code_of(hosts, _live(looks, options, with_hosts=bool(hosts.posts)))
     return code()
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Self
 
 from ..errors import ConfigurationError, DeploymentError
@@ -16,25 +17,35 @@ _LOOK = 0.1
 """Seconds between two looks at what is awaited."""
 
 
-def connect(network: str = "", *, middleware: str | Sequence[str] = (), timeout: float = 5.0) -> Connection:
-    """Take part in a network that runs on this host; without its name, in all that runs here.
+def connect(
+    network: str = "",
+    *,
+    middleware: str | Sequence[str] = (),
+    timeout: float = 5.0,
+    keys: str | os.PathLike[str] | None = None,
+) -> Connection:
+    """Take part in a network that rcdeploy runs on this host; without its name, in all that runs here.
 
-    `network` is the name that its DDSL file gives it, or `rcdeploy status` shows. `middleware` restricts the
-    connection to some middlewares. `timeout` is how many seconds this function waits for the network, and each call
-    for its answer.
+    Components on other hosts of the network are there, too. `network` is the name that its DDSL file gives it, or
+    `rcdeploy status` shows. `middleware` restricts the connection to some middlewares. `timeout` is how many seconds
+    this function waits for the network, and each call for its answer. `keys` is the folder of the keys of an operator,
+    for a network with `security lan`; by default that of its rcdeploy, if it has such keys.
 
     Raises ConfigurationError if a middleware cannot be used, and NotThere if no such network runs in time.
     """
     middlewares = (middleware,) if isinstance(middleware, str) else tuple(middleware)
     if not timeout > 0:
         raise ConfigurationError(f"timeout={timeout!r} must be a positive number of seconds")
-    session = Session(network, middlewares, timeout)
+    session = Session(network, middlewares, timeout, keys=os.fspath(keys) if keys else None)
     end = time.monotonic() + timeout
-    while not session.census().channels:
-        if time.monotonic() > end:
-            session.close()
-            raise _nothing(network)
-        time.sleep(_LOOK)
+    try:
+        while not session.census().channels:
+            if time.monotonic() > end:
+                raise _nothing(network, session.lost)
+            time.sleep(_LOOK)
+    except BaseException:
+        session.close()
+        raise
     return Connection(session)
 
 
@@ -63,6 +74,10 @@ class Connection(Branch):
                 raise
             return self._session.kept(topic.name, lambda: Topic(self._session, topic))
 
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        yield from super()._rows()
+        yield from self._session.lost.items()
+
     def close(self) -> None:
         """Cancel goals that are not detached, and close all links. Idempotent, from any thread."""
         self._session.close()
@@ -79,7 +94,7 @@ class Connection(Branch):
             time.sleep(_LOOK)
 
 
-def _nothing(network: str) -> NotThere:
+def _nothing(network: str, lost: Mapping[str, str]) -> NotThere:
     if not network:
         return NotThere("no component runs on this host, or none that others can see; start a network with rcdeploy up")
     from ..deploy.client import networks
@@ -89,7 +104,9 @@ def _nothing(network: str) -> NotThere:
     except DeploymentError:
         running = []
     if network in running:
-        return NotThere(f"network `{network}` runs, and none of its components is ready: rcdeploy status {network}")
+        why = "".join(f"; {each}" for each in lost.values())
+        ready = f"network `{network}` runs, and none of its components is ready: rcdeploy status {network}"
+        return NotThere(ready + why)
     near = closest(network, running)
     hint = f"did you mean `{near}`?" if near else f"there is {', '.join(running) or 'none'}"
     return NotThere(f"no network `{network}` runs on this host; {hint}")

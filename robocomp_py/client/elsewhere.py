@@ -1,11 +1,9 @@
-"""Queries and topics of other hosts, through their scouts."""
+"""Queries of other hosts, through their scouts."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
 
@@ -16,10 +14,7 @@ from ..threads import NO_THREAD, fulfil, start_thread
 from ..tools import far
 from ..tools.network import Channel
 from ..tools.thrown import ThrownError
-from ..wire import json
 from .values import fitted, record_of
-
-Taker = Callable[..., object]
 
 
 class FarAsking:
@@ -51,20 +46,6 @@ class FarAsking:
         made: Any = kind.python
         error: DeclaredError = made(*_fitted(kind.fields, thrown.values[: len(kind.fields)]))
         return error
-
-
-def hearing(channel: Channel, operation: Operation[Any], take: Taker) -> AbstractContextManager[Any]:
-    """While entered, `take` gets the inputs of each message of a topic of another host. Messages may be lost."""
-    assert channel.via
-
-    def heard(_: str, message: far.Message) -> None:
-        try:
-            values = json.taken(channel.operation.inputs, message.message, channel.name)
-        except json.Unfit:
-            return  # it was too long to be sent
-        take(*_fitted(operation.inputs, values))
-
-    return far.Far(heard, lambda number: None).following(channel.via, [channel])
 
 
 def _fitted(fields: tuple[Field, ...], values: Any) -> tuple[Any, ...]:

@@ -15,10 +15,7 @@ from ..contract import interface as contract
 from ..contract.goal import OCTETS
 from ..contract.interface import Operation, qos_of
 from ..tools.actions import Offered, action_of, told
-from ..tools.network import Channel
-from .elsewhere import FarAsking, hearing
-from .links import path_of
-from .operations import Asking, Described
+from .operations import Described, asking
 
 if TYPE_CHECKING:
     from .session import Session
@@ -62,7 +59,7 @@ class Action(Described):
     def _client(self) -> GoalClient:
         session, parts, action = self._session, self._offered.parts, self._action
         queries = {"start": action.start, "result": action.result, "cancel": action.cancel}
-        bound = {each.name: self._asking(parts[part], each) for part, each in queries.items()}
+        bound = {each.name: asking(session, parts[part], each) for part, each in queries.items()}
         client = GoalClient((action,), bound, self._await, partial(secrets.token_bytes, OCTETS))
 
         def heard(goal: Any, feedback: Any) -> None:
@@ -75,21 +72,11 @@ class Action(Described):
         session.opened(lambda: client, lambda made: made.close())  # the last to be opened is the first to be closed
         return client
 
-    def _asking(self, channel: Channel, operation: Operation[Any]) -> Asking | FarAsking:
-        return FarAsking(channel, operation) if channel.via else Asking(self._session, channel, operation)
-
     def _hear(self, part: str, operation: Operation[None], take: Callable[[Any, Any], object]) -> None:
         channel = self._offered.parts[part]
-        if channel.via:
-            following = hearing(channel, operation, take)
-            self._session.opened(following.__enter__, lambda _: following.__exit__(None, None, None))
-            return
-        transport = self._session.transport(channel)
-        decode = transport.codec.decoder(operation.request)
-        path = path_of(channel, operation, qos_of(operation))
-        self._session.opened(
-            lambda: transport.inlet(path, lambda payload: take(*decode(payload))), lambda made: made.close()
-        )
+        decode = self._session.codec(channel).decoder(operation.request)
+        qos = qos_of(operation)
+        self._session.hear(channel, operation, qos, lambda payload: take(*decode(payload)))
 
     def _await(self, timeout: float | None, holds: Callable[[], bool], wake: threading.Event) -> bool:
         end = None if timeout is None else time.monotonic() + timeout

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 from ..contract.interface import Operation
 from ..contract.qos import QoS, Reliability
-from ..errors import Closed, Timeout
+from ..errors import Closed, RobocompError, Timeout
+from ..tools.far import FarLink
 from ..tools.network import Channel
 from ..wire.codec import Payload
-from .links import path_of
 from .values import record
 
 if TYPE_CHECKING:
@@ -35,15 +35,18 @@ class Hearing:
 
     def __init__(self, session: Session, channel: Channel, operation: Operation[Any]) -> None:
         self._session, self.name = session, channel.name
-        transport = session.transport(channel)
-        self._decode = transport.codec.decoder(operation.request)
+        self._decode = session.codec(channel).decoder(operation.request)
         self._message = record(operation.request.name, operation.inputs) if len(operation.inputs) != 1 else None
         self.arrived = threading.Condition()
         self._newest: tuple[float, Payload] | None = None
         self._queues: weakref.WeakSet[Listening] = weakref.WeakSet()
         qos = QoS(Reliability.BEST_EFFORT, channel.qos.durability, depth=DEPTH)
-        path = path_of(channel, operation, qos)
-        session.opened(lambda: transport.inlet(path, self._take), lambda made: made.close())
+        self._link = session.hear(channel, operation, qos, self._take)
+
+    @property
+    def error(self) -> RobocompError | None:
+        """Why no further message comes: the host of the publisher is lost."""
+        return self._link.error if isinstance(self._link, FarLink) else None
 
     def latest(self, timeout: float, newer_than: float | None) -> Any:
         begun = time.monotonic()
@@ -69,8 +72,13 @@ class Hearing:
         return self._message.python(*values)
 
     def wait(self, end: float | None, timeout: float | None) -> None:
-        """Wait for a message for a while, with the lock of `arrived`. Raises Timeout after `end`, and Closed."""
+        """Wait for a message for a while, with the lock of `arrived`.
+
+        Raises Timeout after `end`, Closed, and HostUnreachable if the host of the publisher is lost.
+        """
         self._session.check_open()
+        if error := self.error:
+            raise error
         left = _LOOK if end is None else min(_LOOK, end - time.monotonic())
         if left <= 0:
             raise Timeout(f"{self.name}: no message came in {timeout:g} s")

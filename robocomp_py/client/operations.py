@@ -12,14 +12,17 @@ from typing import TYPE_CHECKING, Any
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS
 from ..contract.types import Enumeration, Field, Struct, walk
-from ..errors import ContractMismatch, Timeout, Unreachable
+from ..errors import ContractMismatch, RobocompError, Timeout, Unreachable
 from ..runtime.calls import Call
 from ..spelling import unknown
 from ..threads import fulfil
+from ..tools import far
 from ..tools.idsl import declared
 from ..tools.network import Channel
+from ..tools.publishing import publish
 from ..transports import base
 from ..transports.base import Caller, Outlet, Transport
+from .elsewhere import FarAsking
 from .links import path_of
 from .values import empty, fitted, record_of
 
@@ -62,7 +65,7 @@ class Described:
         if now is None or _provided(now) == _provided(self._channel):
             return False
         self._channel = now
-        for each in ("_operation", "_asking", "_sending", "_hearing"):
+        for each in ("_operation", "_asking", "_sending", "_hearing", "_addressed"):
             self.__dict__.pop(each, None)
         return True
 
@@ -113,8 +116,8 @@ class Described:
         return self._session.timeout
 
 
-def _provided(channel: Channel) -> tuple[str, int]:
-    return channel.middlewares[0], next(iter(channel.texts))
+def _provided(channel: Channel) -> tuple[Any, str, int]:
+    return channel.via, channel.middlewares[0], next(iter(channel.texts))
 
 
 def _plain(field: Field) -> str:
@@ -147,8 +150,13 @@ class Query(Described):
         return self._asking.ask(self._arguments(values, named), limit)
 
     @cached_property
-    def _asking(self) -> Asking:
-        return Asking(self._session, self._channel, self._operation)
+    def _asking(self) -> Asking | FarAsking:
+        return asking(self._session, self._channel, self._operation)
+
+
+def asking(session: Session, channel: Channel, operation: Operation[Any]) -> Asking | FarAsking:
+    """A query that is connected to its server, on whatever host that is."""
+    return FarAsking(channel, operation) if channel.via else Asking(session, channel, operation)
 
 
 class Asking:
@@ -195,6 +203,9 @@ class Command(Described):
             self._send(self._arguments(values, named), limit)
 
     def _send(self, arguments: tuple[Any, ...], limit: float) -> None:
+        if self._channel.via:
+            far.asked(self._channel, arguments, limit)
+            return
         outlet, call = self._sending
         payload = call.encode(arguments)
         outlet.wait_peer(limit)
@@ -221,7 +232,7 @@ class Topic(Described):
         """
         limit = self._session.timeout if timeout is None else timeout
         try:
-            return self._hearing.latest(limit, newer_than)
+            return self._heard().latest(limit, newer_than)
         except Timeout:
             self._renew()  # for the next call
             raise
@@ -231,15 +242,25 @@ class Topic(Described):
 
         It ends when the connection is closed, and raises Timeout if no message comes for `timeout` seconds.
         """
-        return self._hearing.listen(timeout, depth)
+        return self._heard().listen(timeout, depth)
 
     def __iter__(self) -> Listening:
         return self.listen()
 
     def publish(self, *values: Any, **named: Any) -> None:
-        """Publish a message under the name of this topic. The first call waits until its subscribers are connected."""
+        """Publish a message under the name of this topic. The first call waits until its subscribers are connected.
+
+        Subscribers on other hosts are connected anew by each call.
+        """
         limit = self._deadline(named)
         arguments = self._arguments(values, named)
+        if any(way.via for way in self._addressed.ways):
+            try:
+                publish(self._session.access, self._addressed, arguments, limit)
+            except RobocompError:
+                del self._addressed
+                raise
+            return
         outlet, call = self._sending
         payload = call.encode(arguments)
         if not self._is_met:
@@ -262,8 +283,19 @@ class Topic(Described):
     _is_met = False
 
     @cached_property
+    def _addressed(self) -> Channel:
+        """The topic with the subscribers that there were at the first publication."""
+        return self._session.census().channels.get(self._channel.name, self._channel)
+
+    @cached_property
     def _sending(self) -> tuple[Outlet, Call[Any]]:
         return _sending(self._session, self._channel, self._operation, self._channel.qos)
+
+    def _heard(self) -> Hearing:
+        """The subscription; a further one if its host was lost since."""
+        if self._hearing.error:
+            del self._hearing
+        return self._hearing
 
     @cached_property
     def _hearing(self) -> Hearing:

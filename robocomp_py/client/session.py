@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, TypeVar
 
+from ..contract.interface import Operation
+from ..contract.qos import QoS
 from ..errors import Closed, RobocompError
 from ..spelling import closest
 from ..threads import NO_THREAD, start_thread
-from ..tools.census import take_census
+from ..tools.access import Access, Subscription
+from ..tools.far import FarLink
+from ..tools.hosts import Hosts
 from ..tools.network import Channel, Network
 from ..transports.base import Transport, TransportConfig, find_transport
 from ..transports.leader_followers import abandoned
+from ..wire.cdr import Cdr
+from ..wire.codec import Codec, Payload
+from .links import path_of
 from .values import Types
+
+log = logging.getLogger("robocomp.client")
 
 T = TypeVar("T")
 
@@ -37,8 +48,11 @@ class NotThere(RobocompError, AttributeError, KeyError):
 class Session:
     """What all objects of one connection share."""
 
-    def __init__(self, network: str, middlewares: Sequence[str], timeout: float, owner: str = OWNER) -> None:
+    def __init__(
+        self, network: str, middlewares: Sequence[str], timeout: float, owner: str = OWNER, keys: str | None = None
+    ) -> None:
         self.network, self._middlewares = network, tuple(middlewares)
+        self._hosts = Hosts(network or None, log.warning, keys=keys, running=False)
         self.timeout, self._owner = timeout, owner
         self.types = Types()
         self._lock = threading.RLock()
@@ -59,6 +73,7 @@ class Session:
             self._end.close()
             self._transports.clear()
             self._kept.clear()
+        self._hosts.close()
         if self._closer and self._closer is not threading.current_thread():
             self._closer.join()
 
@@ -67,19 +82,29 @@ class Session:
         return self._ended.is_set()
 
     def census(self) -> Network:
-        """What runs now. Raises Closed, ConfigurationError and TransportErrors."""
-        self.check_open()
-        every = take_census(self._middlewares, own=True)
+        """What runs now, on all hosts that can be asked. Raises Closed, ConfigurationError and TransportErrors."""
+        every = self._all(own=True)
         known = every.only(_instances(self.network)) if self.network else every
         with self._lock:
             self._known = known
         return known
 
+    @property
+    def lost(self) -> Mapping[str, str]:
+        """The hosts that the last census could not ask, and why."""
+        return self._hosts.lost
+
+    def _all(self, *, own: bool) -> Network:
+        with self._lock:
+            self.check_open()
+            if self._hosts.renew().posts:
+                self._watch()
+        return self._hosts.census(self._middlewares, own=own)
+
     def topic(self, name: str) -> Channel | None:
         """A topic by its whole name that nothing publishes so far, if a subscriber hears it."""
-        self.check_open()
         try:
-            return take_census(self._middlewares).topic(name)
+            return self._all(own=False).topic(name)
         except ValueError:
             return None
 
@@ -94,7 +119,8 @@ class Session:
         where = "/".join(path) or self.network or "what runs on this host"
         near = closest(name, children)
         hint = f"did you mean `{near}`?" if near else f"there is {', '.join(children[:12]) or 'nothing'}"
-        return NotThere(f"`{name}` is not in {where}; {hint}")
+        may = f"; {why}, and it may be there" if (why := "; ".join(self.lost.values())) else ""
+        return NotThere(f"`{name}` is not in {where}; {hint}{may}")
 
     def check_open(self) -> None:
         if self._ended.is_set():
@@ -117,6 +143,24 @@ class Session:
             made = open_it()
             self._end.callback(close, made)
             return made
+
+    @cached_property
+    def access(self) -> Access:
+        """What publishes on other hosts."""
+        return self.opened(Access, lambda made: made.__exit__())
+
+    def codec(self, channel: Channel) -> Codec:
+        """That of the payloads which `hear` passes on."""
+        return Cdr() if channel.via else self.transport(channel).codec
+
+    def hear(
+        self, channel: Channel, operation: Operation[Any], qos: QoS, take: Callable[[Payload], object]
+    ) -> Subscription:
+        """Subscribe to a topic, on whatever host it is. `take` is called on a thread of the transport."""
+        if channel.via:
+            return self.opened(lambda: FarLink(channel, lambda heard: take(heard.payload)), lambda made: made.close())
+        transport, path = self.transport(channel), path_of(channel, operation, qos)
+        return self.opened(lambda: transport.inlet(path, take), lambda made: made.close())
 
     def transport(self, channel: Channel) -> Transport:
         """The transport over which a channel is reached."""

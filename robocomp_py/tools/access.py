@@ -7,7 +7,7 @@ import json
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
@@ -21,23 +21,34 @@ from ..transports.base import (
     Outlet,
     Reply,
     Sink,
+    Statistics,
     Status,
     Transport,
     TransportConfig,
     TypeRef,
     find_transport,
 )
+from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from . import far
 from .network import TOOL, Channel, Way
 from .thrown import ThrownError as ThrownError
 
 
+class Subscription(Protocol):
+    """A link that receives, or what stands for one on another host."""
+
+    @property
+    def stats(self) -> Statistics: ...
+
+    def close(self) -> None: ...
+
+
 @dataclass(frozen=True)
 class Heard:
     """A subscription of a tool."""
 
-    link: Link
+    link: Subscription
     codec: Codec
     """That of the payloads that the sink gets."""
 
@@ -68,8 +79,16 @@ class Access:
         With `headed`, it gets `transports.base.Heard` instead. Unless `latched`, it gets no message that was sent
         before.
 
-        No publisher waits for a tool. Raises ValueError if the contract is not understood, and TransportError.
+        No publisher waits for a tool. On another host, `depth` and `latched` are up to its scout, and messages that the
+        connection cannot take are lost.
+
+        Raises ValueError if the contract is not understood, and TransportError; HostUnreachable if it is on another
+        host.
         """
+        if channel.via:
+            link = far.FarLink(channel, sink if headed else lambda heard: sink(heard.payload))
+            self._end.callback(link.close)
+            return Heard(link, Cdr())
         transport = self._of(channel)
         durability = channel.qos.durability if latched else Durability.VOLATILE
         qos = QoS(Reliability.BEST_EFFORT, durability, depth=depth)
@@ -78,7 +97,7 @@ class Access:
 
     def codec(self, channel: Channel) -> Codec:
         """That of the payloads which `hear` would pass on."""
-        return self._of(channel).codec
+        return Cdr() if channel.via else self._of(channel).codec
 
     def ask(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """Call a query; returns its outputs. `values` are those of the request, as `wire.json` makes them.

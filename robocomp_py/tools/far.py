@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from typing import Any, NamedTuple
 
-from ..errors import RobocompError
+from ..errors import DecodeError, RobocompError
+from ..transports.base import Heard, Statistics
 from ..wire import json
 from .network import Channel
 from .posts import Message as Answer
@@ -113,6 +117,95 @@ class _Clocked:
                 pass  # the numbers of messages tell, too
             case _:
                 self._far.error = self._far.error or ended(self._host, answer)
+
+
+_LONGEST = 256 * 1024 * 1024
+"""Octets of a message."""
+
+_MOST_SOURCES = 1000
+"""Publishers whose numbers are remembered."""
+
+
+class FarLink:
+    """The subscription to a topic of another host. It is used as a link that receives."""
+
+    def __init__(self, channel: Channel, sink: Callable[[Heard], object]) -> None:
+        """`sink` gets messages, whose payloads are standard CDR, on a thread of the post. It may raise DecodeError.
+
+        Raises what asking a scout raises.
+        """
+        assert channel.via
+        self._name, self._post, self._sink = channel.name, channel.via, sink
+        self._question = _named([channel]) | {"fingerprint": channel.operation.fingerprint}
+        self._sequences: dict[int, int] = {}
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._following = ExitStack()
+        self._lock = threading.RLock()  # a sink may close this link
+        self._is_closed = False
+        self.stats = Statistics()
+        """`lost` are messages that did not come here, on whatever part of their way, as far as numbers tell."""
+        self.error: RobocompError | None = None
+        """Why nothing comes any more."""
+        self.open()
+
+    @property
+    def host(self) -> str:
+        return self._post.host
+
+    def open(self) -> None:
+        """Subscribe, also again after an error. Raises what asking a scout raises."""
+        self._following.close()
+        self.error = None
+        self._following.enter_context(self._post.following("octets", self._answer, **self._question))
+
+    def close(self) -> None:
+        """Idempotent. After it returns, the sink is not called again."""
+        with self._lock:
+            self._is_closed = True
+        self._following.close()
+
+    def _answer(self, answer: Answer | RobocompError) -> None:
+        match answer:
+            case {"octets": [int(source), int(sequence), int(stamp), int(place), int(parts), str(data)]}:
+                with self._lock:
+                    if not self._is_closed:
+                        self._note(source, sequence, stamp, place, parts, data)
+            case {"dropped": int()}:
+                pass  # the numbers of messages tell, too
+            case _:
+                self.error = self.error or ended(self._post.host, answer)
+
+    def _note(self, source: int, sequence: int, stamp: int, place: int, parts: int, data: str) -> None:
+        """A part of a message has come. Parts whose predecessors are missing are left out, and so is their message."""
+        if place == 0:
+            self._parts, self._size = [], 0
+        elif place != len(self._parts):
+            return
+        try:
+            self._parts.append(base64.b64decode(data, validate=True))
+        except binascii.Error:
+            self.stats.malformed += 1
+            return
+        self._size += len(self._parts[-1])
+        if self._size > _LONGEST:
+            self._parts, self._size = [], 0
+        if len(self._parts) != parts:
+            return
+        self._count(source, sequence)
+        try:
+            self._sink(Heard(self._name, source, sequence, stamp, b"".join(self._parts)))
+        except DecodeError:
+            self.stats.malformed += 1
+
+    def _count(self, source: int, sequence: int) -> None:
+        self.stats.received += 1
+        missing = sequence - self._sequences.get(source, sequence - 1) - 1
+        if source and missing >= 0:
+            self.stats.lost += missing
+            if len(self._sequences) >= _MOST_SOURCES:
+                self._sequences.clear()
+            self._sequences[source] = sequence
 
 
 def _named(topics: Sequence[Channel]) -> dict[str, Any]:

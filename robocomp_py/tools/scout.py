@@ -5,6 +5,8 @@ standard output, objects of JSON, one a line, and ends with its input:
 
     {"id": 1, "do": "census", "middlewares": ["shm"]}    all ends of channels; without middlewares, of all that can tell
     {"id": 1, "do": "hear", "channels": […]}             messages of these topics; with "full": true, not shortened
+    {"id": 1, "do": "octets", "channels": ["…"], "fingerprint": 7}
+                                                         messages of this topic, with this contract, not decoded
     {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
     {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
                                                          call a query, or send a command
@@ -22,6 +24,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
     {"id": 1, "message": […]}                            channel, decoded message, number of messages dropped before
                                                          it, when and as which number it was sent (or null)
+    {"id": 1, "octets": […]}                             source, number and stamp of a message, the place of this part
+                                                         of it, the number of its parts, and standard CDR in base64
     {"id": 1, "presence": ["…", false]}                  a topic, and whether something publishes it now
     {"id": 1, "arrivals": [[…]], "now": 12.5}            channel, time by the clock of `now`, octets, source, number,
                                                          age (or null) of each message
@@ -36,6 +40,8 @@ standard output, objects of JSON, one a line, and ends with its input:
 
 from __future__ import annotations
 
+import base64
+import contextlib
 import json
 import math
 import os
@@ -44,12 +50,14 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import IO, Any
 
 from ..contract.interface import Pattern
 from ..contract.qos import from_traits
-from ..errors import RobocompError, Unreachable
+from ..errors import ContractMismatch, DecodeError, EncodeError, RobocompError, Unreachable
 from ..threads import start_thread
+from ..transports.base import Heard
 from ..wire import json as values
 from .access import Access, ThrownError
 from .census import take_census, take_each
@@ -59,7 +67,7 @@ from .traffic import Arrival
 LONGEST = 512 * 1024
 """Octets of a line."""
 
-MOST = 32
+MOST = 256
 """Questions that are answered at a time."""
 
 _ENDS = 200
@@ -73,6 +81,9 @@ _RECENT = 1.0
 
 _LOOK = 0.1
 """Seconds between two looks at whether a question is to end."""
+
+_PART = LONGEST // 2
+"""Octets of a part of a message."""
 
 _ENOUGH = LONGEST // 4
 """Characters of ends and contracts after which a line is sent."""
@@ -208,6 +219,32 @@ def _hear(place: _Place, question: Message, answer: Answer, over: threading.Even
                     answer(presence=[channel, is_published])
 
 
+def _octets(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
+    from .recording.writer import to_cdr
+    from .tap import DEPTH, Inbox
+
+    (topic,) = _topics(question)
+    operation = topic.operation
+    if operation.fingerprint != question["fingerprint"]:
+        raise ContractMismatch(f"{topic.name} has another contract now")
+    convert = to_cdr(place.access.codec(topic), operation.request)
+    inbox = Inbox(DEPTH)
+    heard = place.access.hear(topic, partial(inbox.put, topic.name), DEPTH, headed=True)
+    with contextlib.closing(heard.link):
+        while not over.is_set():
+            found = inbox.get(_LOOK)
+            if found is None or not isinstance(message := found[0].heard, Heard):
+                continue
+            try:
+                data = memoryview(convert(message.payload))
+            except (DecodeError, EncodeError):
+                continue  # its number is missing over there
+            parts = max(1, math.ceil(len(data) / _PART))
+            for at in range(parts):
+                text = base64.b64encode(data[at * _PART : (at + 1) * _PART]).decode()
+                answer(octets=[message.source, message.sequence, message.stamp, at, parts, text])
+
+
 def _call(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     channel = place.channel(str(question["channel"]), _middlewares(question))
     operation, deadline = channel.operation, float(question["within"])
@@ -268,6 +305,7 @@ _DEEDS: Mapping[str, _Deed] = {
     "leftovers": _leftovers,
     "machine": _machine,
     "hear": _hear,
+    "octets": _octets,
     "arrivals": _arrivals,
     "call": _call,
     "publish": _publish,

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 from ..errors import DecodeError
 from ..threads import start_thread
-from ..transports.base import Heard, Link, SupportsSources
+from ..transports.base import Heard, SupportsSources
 from ..wire import json
 from ..wire.codec import Codec, Decoder, Payload
-from .access import Access
+from .access import Access, Subscription
 from .far import Far, FarArrivals
 from .far import Message as Message
 from .network import Channel
@@ -64,7 +64,7 @@ class _Arrived(NamedTuple):
     octets: int
 
 
-class _Inbox:
+class Inbox:
     """Messages that wait, bounded in number and octets. It never holds up the thread that receives."""
 
     def __init__(self, most: int) -> None:
@@ -110,7 +110,7 @@ def tapped(
     Whether topics are published is noticed while no message comes. Unless `full`, messages from other hosts may be
     shortened.
     """
-    inbox, span = _Inbox(DEPTH * len(topics)), Span(first, whole)
+    inbox, span = Inbox(DEPTH * len(topics)), Span(first, whole)
     decoders: dict[str, Decoder] = {}
     published = dict.fromkeys((each.name for each in topics), False)
     lost: set[str] = set()
@@ -144,7 +144,7 @@ class Tap:
     def __init__(
         self,
         topics: Sequence[Channel],
-        inbox: _Inbox,
+        inbox: Inbox,
         decoders: dict[str, Decoder],
         check: Callable[[], None],
         presences: Callable[[], list[tuple[str, bool]]],
@@ -163,7 +163,7 @@ class Tap:
 @contextlib.contextmanager
 def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
     """Listen to these topics until the end."""
-    inbox, decoders = _Inbox(DEPTH * len(topics)), dict[str, Decoder]()
+    inbox, decoders = Inbox(DEPTH * len(topics)), dict[str, Decoder]()
     subscriptions = _Subscriptions(topics, inbox.put, decoders, far=Far(inbox.put, inbox.miss))
     with _listening(subscriptions) as check:
         yield Tap(topics, inbox, decoders, check, subscriptions.presences)
@@ -257,7 +257,7 @@ class _Subscriptions:
                 self._posts.setdefault(each.via, []).append(each)
         self._following = contextlib.ExitStack()
         self._access: Access | None = None
-        self._links: dict[str, Link] = {}
+        self._links: dict[str, Subscription] = {}
         self._wanted = threading.Event()
         """Set when this process is to stop, or the subscriptions are to end."""
         self._is_over = False

@@ -10,9 +10,8 @@ from typing import Any, Protocol
 from ...contract.interface import Pattern
 from ...errors import RobocompError
 from ...transports.base import Heard as Headed
-from ...transports.base import Link
 from ...wire.codec import Payload
-from ..access import Access
+from ..access import Access, Subscription
 from ..network import Channel, Network, NotUnderstood
 from .layout import Topic
 from .writer import Convert, to_cdr
@@ -47,7 +46,7 @@ class Followed:
 
     channel: Channel
     track: Track
-    link: Link
+    link: Subscription
 
     @property
     def lost(self) -> int:

@@ -14,11 +14,11 @@ from ...contract.interface import Pattern
 from ...contract.types import Struct
 from ...errors import DecodeError, EncodeError, RobocompError
 from ...runtime.RoboCompIntrospection import Call, Record
-from ...transports.base import Heard, Link
+from ...transports.base import Heard
 from ...wire import names
 from ...wire.codec import Decoder
 from .. import asking
-from ..access import Access
+from ..access import Access, Subscription
 from ..announced import OWN
 from ..calls import tellers
 from ..leases import LEASE
@@ -41,7 +41,7 @@ class Teller:
     """Its whole name."""
     what: str
     """`calls` or `logs`."""
-    link: Link | None = None
+    link: Subscription | None = None
     told: int = 0
     untold: int = 0
     """Calls or records that it did not tell, because they came too fast."""

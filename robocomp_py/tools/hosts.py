@@ -1,0 +1,200 @@
+"""The hosts that a tool looks at: this one, and those of running networks, by their scouts."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from ..errors import ConfigurationError, DeploymentError, TransportError
+from ..spelling import unknown
+from ..transports.deployment import deployment_of
+from ..transports.directory import runtime_dir
+from ..transports.permissions import OPERATOR
+from .census import Seen, check_names, take_census, take_each
+from .network import Network
+
+if TYPE_CHECKING:
+    from .posts import Line, Post
+
+
+class Hosts:
+    """What runs on this host, and on the other hosts of networks that run here. Closing it ends their scouts.
+
+    For any number of threads.
+    """
+
+    def __init__(
+        self,
+        network: str | None,
+        tell: Callable[[str], object],
+        *,
+        here: bool = True,
+        others: Sequence[str] | None = None,
+        keys: str | None = None,
+        running: bool = True,
+    ) -> None:
+        """`network` is a network by its name or file, None for all that run here. Unless `running`, it need not run.
+
+        `here` is whether this host is looked at, and `others` names the other ones, by default all. `keys` is the
+        folder of an operator's keys, by default that of the network. `tell` gets warnings for people. Nothing is looked
+        at before `renew`.
+        """
+        self._network, self._tell, self._others, self._keys, self._running = network, tell, others, keys, running
+        self.here = here
+        self._lock = threading.Lock()
+        self._known: dict[tuple[str, str], Post] = {}
+        """By the names of a network and a host."""
+        self._host_of: Mapping[str, str] = {}
+        self._options: Mapping[str, Mapping[str, Any]] = {}
+        self.posts: Sequence[Post] = ()
+        self.lost: Mapping[str, str] = {}
+        """The hosts that the last look could not ask, and why."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def renew(self) -> Self:
+        """Find the hosts of the networks that run now. Raises RobocompError."""
+        with self._lock:
+            plans = self._plans()
+            hosts = {host["name"]: network for network, plan in plans.items() for host in plan.get("hosts", ())}
+            self._check(hosts)
+            self._options = self._operator(plans)
+            wanted = [name for name in hosts if self._others is None or name in self._others]
+            self.posts = [self._post(hosts[name], name) for name in wanted]
+            self._host_of = _host_of(plans)
+        return self
+
+    def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
+        """As `take_census`. What cannot be asked on another host is told, once."""
+        if not self.posts:
+            self.lost = {}
+            return take_census(middlewares, own=own, options=self._options)
+        check_names(middlewares)
+        here = take_census(middlewares, own=True, options=self._options).ends if self.here else ()
+        known = self.lost
+        seen, lost = self._merged(Seen(list(here)), middlewares)
+        for text in [why for host, why in lost.items() if host not in known] + seen.troubles:
+            self._tell(text)
+        return Network(seen.ends, own=own)
+
+    def look(self, middlewares: Sequence[str]) -> Seen:
+        """As `take_each`. Hosts that cannot be asked are among the troubles."""
+        here = take_each(middlewares, self._options) if self.here else Seen()
+        if not self.posts:
+            self.lost = {}
+            return here
+        seen, lost = self._merged(here, middlewares)
+        return replace(seen, troubles=[*lost.values(), *seen.troubles])
+
+    def close(self) -> None:
+        """End all scouts. Idempotent."""
+        with self._lock:
+            posts, self._known, self.posts = list(self._known.values()), {}, ()
+        for each in posts:
+            each.close()
+
+    def _merged(self, here: Seen, middlewares: Sequence[str]) -> tuple[Seen, Mapping[str, str]]:
+        from .survey import merged, survey
+
+        there, lost = survey(self.posts, middlewares)
+        self.lost = lost
+        ends = merged(here.ends, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
+        return Seen(ends, {**here.tellers, **there.tellers}, [*here.troubles, *there.troubles]), lost
+
+    def _post(self, network: str, host: str) -> Post:
+        from .posts import Post  # a tool on a single host does without
+
+        key = network, host
+        if key not in self._known:
+            self._known[key] = Post(host, partial(_connected, network, host))
+        return self._known[key]
+
+    def _check(self, hosts: Mapping[str, str]) -> None:
+        for name in self._others or ():
+            if not hosts:
+                raise ConfigurationError(f"host {name}: no network with other hosts runs here")
+            if name not in hosts:
+                raise ConfigurationError(unknown("host", name, hosts))
+
+    def _operator(self, plans: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+        """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
+        if not (self._network or self._keys):
+            return {}
+        helpers = [each for plan in plans.values() for each in plan.get("helpers", ()) if each["keys"]]
+        found: dict[str, Mapping[str, Any]] = {}
+        for each in sorted(helpers, key=lambda each: bool(each["host"])):  # that of this host first
+            folder = Path(self._keys or Path(each["keys"]).parent, OPERATOR)
+            if not (folder / "certificate.pem").is_file():
+                continue
+            visiting = deployment_of(each["middleware"]).visiting(
+                each["options"], str(folder), is_here=not each["host"]
+            )
+            if visiting:
+                found.setdefault(each["middleware"], visiting)
+        if self._keys and not found:
+            if not Path(self._keys, OPERATOR, "certificate.pem").is_file():
+                raise ConfigurationError(
+                    f"{self._keys} has no keys of an operator; make them: rcdeploy keys NET.ddsl --operator"
+                )
+            raise ConfigurationError("no network that needs an operator runs here")
+        return found
+
+    def _plans(self) -> dict[str, Any]:
+        """The plans of the network that is named, or of all running ones that have other hosts, by name.
+
+        What makes a connection takes long to import, so plans are looked into first.
+        """
+        if not self._network:
+            try:
+                if not any(map(_has_hosts, runtime_dir("deploy").glob("*/plan.json"))):
+                    return {}
+            except (ConfigurationError, TransportError):
+                return {}  # a census says so, too
+        from ..deploy.client import NotRunning, network_of, networks, not_running, running_plan
+
+        found = {}
+        for name in [network_of(self._network)] if self._network else networks():
+            try:
+                plan = running_plan(name)
+            except DeploymentError as exc:
+                if self._network:
+                    raise
+                self._tell(str(exc))
+                continue
+            if self._network and plan is None and self._running:
+                raise NotRunning(not_running(name))
+            if plan and (plan.get("hosts") or self._network):
+                found[name] = plan
+        return found
+
+
+def _host_of(plans: Mapping[str, Any]) -> Mapping[str, str]:
+    """The hosts of instances, and of the names of their channels."""
+    processes = [each for plan in plans.values() for each in plan.get("processes", ())]
+    found = {instance: each.get("host", "") for each in processes for instance in each.get("instances", ())}
+    for plan in plans.values():  # some are not called as their channels are
+        ours = plan.get("ours", {})
+        found |= {each["channels"].strip("/"): found[name] for name, each in ours.items() if name in found}
+    return found
+
+
+def _connected(network: str, host: str) -> Line:
+    from ..deploy.client import ScoutLine
+
+    return ScoutLine(network, host)
+
+
+def _has_hosts(plan: Path) -> bool:
+    try:
+        return bool(json.loads(plan.read_text(encoding="utf-8")).get("hosts"))
+    except (OSError, ValueError, AttributeError):
+        return False
