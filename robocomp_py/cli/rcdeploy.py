@@ -15,13 +15,13 @@ from ..dsl.diagnostics import did_you_mean
 from . import completing
 from .common import command, parser
 from .completing import completed
-from .deploying import down, export, keys, logs, plan, restart, simulate, status, trust, up
+from .deploying import down, export, keys, logs, plan, restart, simulate, start, status, stop, trust, up
 from .deploying.importing import import_network
 from .network import add_clock, add_overrides, network
 from .rc import Command
 
 COMMANDS: dict[str, Command] = {
-    each.NAME: each for each in (up, plan, simulate, status, logs, restart, down, export, keys, trust)
+    each.NAME: each for each in (up, plan, simulate, status, logs, restart, stop, start, down, export, keys, trust)
 }
 
 _EXAMPLES = """\
@@ -34,7 +34,7 @@ examples:
   rcdeploy plan net.ddsl                         show what would run, and start nothing
   rcdeploy simulate net.ddsl --for 60            run it in virtual time, as fast as possible
   rcdeploy up net.ddsl --detach                  start everything, and return when it is ready
-  rcdeploy status net.ddsl                       ... how it is; see logs, restart and down, too
+  rcdeploy status net.ddsl                       ... how it is; see logs, restart, stop and down, too
   rcdeploy plan --help                           how to use that command
   rcdeploy ./plan                                start a network whose file is called like a command
   rcdeploy --import deployment.xml -o net.ddsl   make a network of rcmanager's XML
@@ -95,7 +95,7 @@ def _without_command(given: Sequence[str]) -> int:
     return up.run(options)
 
 
-_ELSEWHERE = {"stop": "down", "kill": "down", "start": "up", "run": "up", "ps": "status", "list": "status"}
+_ELSEWHERE = {"kill": "down", "run": "up", "ps": "status", "list": "status"}
 """What our commands are called in other programs."""
 
 

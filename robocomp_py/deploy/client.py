@@ -1,4 +1,4 @@
-"""Queries and controls a running network, for `rcdeploy status|logs|restart|down`.
+"""Queries and controls a running network, for `rcdeploy status|logs|restart|stop|start|down`.
 
 Blocking, with a deadline on every wait, and quick to import. `control.py` answers.
 """
@@ -367,6 +367,44 @@ def restart(
             tell(missing)
             told = missing
         time.sleep(LOOK_S)
+
+
+def to_start(connection: Connection, names: Collection[str]) -> list[str]:
+    """The processes of `names` that do not run, or are about to end. Raises DeploymentError for an unknown name."""
+    return [each.name for each in meant(names, connection.status().processes) if each.state in _IDLE]
+
+
+_IDLE = frozenset({State.STOPPING, State.RESTARTING, State.LOST, State.ENDED, State.FAILED})
+
+
+def stop(
+    connection: Connection, names: Collection[str], tell: Callable[[list[str]], object]
+) -> tuple[list[ProcessStatus], list[str]]:
+    """Stop processes until they are started on request, and wait until they have ended.
+
+    Returns their states, and which of them had ended before. `tell` is called whenever the waiting ones change.
+    Raises HostUnreachable, Stuck, or DeploymentError with the reason if it is refused.
+    """
+    before = _reachable(connection.status(), names)
+    ended = [each.name for each in before if each.state in _OVER]
+    asked = {each.name for each in before}
+    connection.ask("stop", names=list(names))
+    timeout_s, told = _LATE_S + _longest_grace(connection.network), list[str]()
+    end = time.monotonic() + timeout_s
+    while True:
+        now = [each for each in connection.status().processes if each.name in asked]
+        there = [each.name for each in now if each.state not in _OVER]
+        if not there:
+            return now, ended
+        if time.monotonic() > end:
+            raise Stuck(f"not ended after {timeout_s:g} s: {', '.join(there)}; see: rcdeploy logs")
+        if there != told:
+            tell(there)
+            told = there
+        time.sleep(LOOK_S)
+
+
+_OVER = frozenset({State.ENDED, State.FAILED})
 
 
 def _reachable(snapshot: Snapshot, names: Collection[str]) -> list[ProcessStatus]:

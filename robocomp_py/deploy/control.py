@@ -4,7 +4,7 @@ Requests and answers are JSON objects, one a line. A client may send several req
 
     {"do": "status"}                                          {"status": {a Snapshot}}
     {"do": "restart", "names": ["laser"]}                     {"accepted": true}
-    {"do": "stop", "names": ["laser"]}                        {"accepted": true}; "restart" starts it again
+    {"do": "stop", "names": ["laser"]}                        {"accepted": true}; "restart" starts them again
     {"do": "down", "grace": 0}                                {"accepted": true}; ends when the network has
     {"do": "logs", "names": [], "count": 20, "follow": true}  {"time": 1.5, "name": "laser", "line": "…"} for each, with
                                                               "record" if it was logged; {"now": true} after those of

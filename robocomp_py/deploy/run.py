@@ -351,8 +351,8 @@ class _Run(Listener, Network):
         for name in request.names:
             found = self._supervisor.find(name)
             if not found:
-                known = ", ".join(instance for each in self._plan.processes for instance in each.instances)
-                raise DeploymentError(f"{self._plan.name} has no `{name}`; there are: {known}")
+                known = [instance for each in self._plan.processes for instance in each.instances]
+                raise DeploymentError(f"{self._plan.name}: {unknown('instance', name, known)}")
             for each in found:
                 if self._supervisor.progress[each].is_stuck:
                     raise DeploymentError(f"{each} cannot be started: it was killed but has not ended")

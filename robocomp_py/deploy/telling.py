@@ -119,8 +119,9 @@ class Teller:
             case EndRequested(names):
                 if not was_stopping:
                     self._display.tell(f"stop of {', '.join(names)} requested")
-                    found = [one for name in names for one in self._supervisor.find(name)]
-                    self.how |= dict.fromkeys(found, "was stopped on request")
+                    found = {one for name in names for one in self._supervisor.find(name)}
+                    ended = {one for one in found if before[one] in (State.ENDED, State.FAILED)}
+                    self.how |= dict.fromkeys(found - ended, "was stopped by the user")
             case Tick():
                 pass
 

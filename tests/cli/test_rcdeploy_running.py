@@ -210,6 +210,47 @@ def test_an_unknown_process_cannot_be_restarted(house: Running, capsys: Said) ->
     assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"
 
 
+def processes(network: str, capsys: Said) -> dict[str, dict[str, object]]:
+    rcdeploy(["status", network, "--json"])
+    return {each["name"]: each for each in json.loads(capsys.readouterr().out)["processes"]}
+
+
+def test_a_stopped_instance_stays_so_whatever_its_restart_says_until_it_is_started(
+    tmp_path: Path, capsys: Said
+) -> None:
+    path = network_of(tmp_path, "parted", first="exec sleep 600", other="exec sleep 600")
+    path.write_text(path.read_text().replace("first {", "first { restart always(delay 0);"))
+    assert run("up", path, "--detach").returncode == 0
+    try:
+        assert rcdeploy(["stop", "parted", "first"]) == 0
+        assert capsys.readouterr().out.splitlines()[-1] == (
+            "first is stopped; to start it again: rcdeploy start parted first"
+        )
+        found = processes("parted", capsys)
+        assert (found["first"]["state"], found["first"]["how"]) == ("ended", "was stopped by the user")
+        assert (found["other"]["state"], found["other"]["starts"]) == ("ready", 1)
+        assert rcdeploy(["status", "parted"]) == 0
+        assert "was stopped by the user" in capsys.readouterr().out
+        assert rcdeploy(["stop", "parted", "first"]) == 0
+        assert capsys.readouterr().out == "first had ended before\n"
+        assert rcdeploy(["stop", "parted", "other"]) == 1
+        assert "would end with that: to stop all of it, use rcdeploy down" in capsys.readouterr().err
+        assert rcdeploy(["start", "parted", "first", "other"]) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert (said[0], said[-1]) == ("other runs already", "first is ready")
+        assert [each["state"] for each in processes("parted", capsys).values()] == ["ready", "ready"]
+    finally:
+        run("down", "parted", "--now")
+        wait_until(lambda: is_gone("parted"))
+
+
+@pytest.mark.parametrize("command", ["stop", "start"])
+def test_a_misspelt_instance_is_proposed_and_nothing_is_done(house: Running, capsys: Said, command: str) -> None:
+    assert rcdeploy([command, house.path, "quit"]) == 1
+    assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"
+    assert processes(house.path, capsys)["quiet"]["state"] == "ready"
+
+
 def test_following_logs_shows_output_until_the_end_and_down_waits_for_it(tmp_path: Path) -> None:
     path = network_of(
         tmp_path, "brief", prints="trap 'echo bye; exit 0' TERM; echo one; while true; do sleep 0.05; done"
@@ -293,8 +334,8 @@ def test_errors_of_a_network_are_reported_at_the_terminal(tmp_path: Path) -> Non
 
 def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_path: Path, capsys: Said) -> None:
     path = network_of(tmp_path, "nobody", quiet="exec sleep 600")
-    for arguments in (["status"], ["logs"], ["down"], ["restart"]):
-        more = ["quiet"] if arguments == ["restart"] else []
+    for arguments in (["status"], ["logs"], ["down"], ["restart"], ["stop"], ["start"]):
+        more = ["quiet"] if arguments[0] in ("restart", "stop", "start") else []
         assert rcdeploy([*arguments, str(path), *more]) == 1
         said = capsys.readouterr().err
         assert said == f"rcdeploy: network `nobody` is not running on this machine; start it: rcdeploy {path}\n"
@@ -305,6 +346,8 @@ def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_pa
     [
         (["status", "--watch"], "--watch needs a network"),
         (["restart", "net.ddsl"], "INSTANCE is missing"),
+        (["stop", "net.ddsl"], "which INSTANCE? To stop the whole network: rcdeploy down net.ddsl"),
+        (["start", "net.ddsl"], "which INSTANCE? To start the network: rcdeploy net.ddsl"),
         (["logs"], "NET.ddsl is missing"),
         (["logs", "net.ddsl", "-n", "many"], "`many` is not a number of lines from 0 to 10000"),
         (["down", "net.ddsl", "--grace", "long"], "`long` is not a number of seconds"),
@@ -319,7 +362,9 @@ def test_wrong_usage_exits_with_2(arguments: list[str], says: str, capsys: Said)
     assert (code, says in (said := capsys.readouterr().err)) == (2, True), said
 
 
-@pytest.mark.parametrize("command", ["up", "plan", "status", "logs", "restart", "down", "export", "keys", "trust"])
+@pytest.mark.parametrize(
+    "command", ["up", "plan", "status", "logs", "restart", "stop", "start", "down", "export", "keys", "trust"]
+)
 def test_the_help_of_every_command_teaches_by_examples(command: str, capsys: Said) -> None:
     with pytest.raises(SystemExit) as left:
         rcdeploy([command, "--help"])

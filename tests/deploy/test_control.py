@@ -461,6 +461,36 @@ def test_a_wish_to_stop_a_process_is_passed_on(running: Running) -> None:
             connection.ask("stop")
 
 
+def test_a_stop_is_over_when_all_have_ended_and_says_what_had_ended_before(running: Running) -> None:
+    running.network.now = snapshot(process("laser", State.FAILED), process("left/arm"), process("left/leg"))
+    told: list[list[str]] = []
+    steps = [(State.ENDED, State.STOPPING), (State.ENDED, State.ENDED)]
+
+    def tell(there: list[str]) -> None:
+        told.append(there)
+        arm, leg = steps[len(told) - 1]
+        running.network.now = snapshot(
+            process("laser", State.FAILED), process("left/arm", arm), process("left/leg", leg)
+        )
+
+    with Connection("home") as connection:
+        done, ended = client.stop(connection, ["left", "laser"], tell)
+    assert [(each.name, each.state) for each in done] == [
+        ("laser", State.FAILED), ("left/arm", State.ENDED), ("left/leg", State.ENDED)
+    ]  # fmt: skip
+    assert ended == ["laser"]
+    assert running.network.asked == [EndRequested(("left", "laser"))]
+    assert told == [["left/arm", "left/leg"], ["left/leg"]]
+
+
+def test_nothing_is_stopped_on_a_host_that_is_out_of_reach(running: Running) -> None:
+    host = HostStatus("onboard", "192.168.1.10", reachable=False, why="no route to host")
+    running.network.now = snapshot(process("laser", State.LOST, host="onboard"), hosts=(host,))
+    with Connection("home") as connection, pytest.raises(HostUnreachable, match="no route to host"):
+        client.stop(connection, ["laser"], lambda there: None)
+    assert running.network.asked == []
+
+
 def test_a_network_is_down_when_nothing_of_it_is_left(start: Start) -> None:
     ending = start(Standing(process("laser"), process("arm")))
     told: list[tuple[int, int]] = []

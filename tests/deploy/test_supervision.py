@@ -448,7 +448,7 @@ def test_a_user_has_a_process_stopped_and_started() -> None:
 
     def start() -> None:
         assert visitor.network
-        assert visitor.network.snapshot().processes[0].how == "was stopped on request"
+        assert visitor.network.snapshot().processes[0].how == "was stopped by the user"
         visitor.network.ask(RestartRequested(("laser",)))
 
     told = Told(on={"up": visitor.come, "ready again": interrupt})
@@ -477,7 +477,7 @@ def test_what_cannot_be_done_is_refused_with_the_reason() -> None:
     visitor = Visitor(RestartRequested(("lasre",)), StopRequested(), RestartRequested(("laser",)))
     Scene(plan(process("laser")), Told(on={"up": visitor.come}), services=[visitor])
     assert visitor.refused == [
-        "patrol has no `lasre`; there are: laser",
+        "patrol: unknown instance `lasre`; did you mean `laser`?",
         "patrol is stopping: nothing can be started",
     ]
 
