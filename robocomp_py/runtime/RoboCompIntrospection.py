@@ -201,7 +201,7 @@ class Measure:
     channel: str = ""
     middleware: str = ""
     count: int = 0  # messages or calls, those that failed included
-    failed: int = 0
+    failed: int = 0  # of these; an exception that the IDSL declares is an answer
     # of the latest 256, oldest first, in s: a caller's round trip, a handler's run, or
     # a send
     latest: Durations = field(default_factory=lambda: np.empty(0, np.float32))
@@ -227,7 +227,11 @@ Measure.__contract__ = Struct(
         Field("channel", STRING),
         Field("middleware", STRING),
         Field("count", INT64, doc="messages or calls, those that failed included"),
-        Field("failed", INT64),
+        Field(
+            "failed",
+            INT64,
+            doc="of these; an exception that the IDSL declares is an answer",
+        ),
         Field(
             "latest",
             Sequence(FLOAT32),

@@ -51,8 +51,9 @@ _AT_LEAST = 0.001
 """Seconds that each middleware of a publication has at least, even if others have used up the deadline."""
 
 
-_OK = Status.OK
-"""A global name: to look up a member of an enumeration takes longer than to read the clock."""
+_OK, _THROWN = Status.OK, Status.THROWN
+"""Outcomes that are answers: an exception that the IDSL declares is one, too. Global names: to look up a member of an
+enumeration takes longer than to read the clock."""
 
 _TAKEN, _FAILED = Reply(Status.OK), Reply(Status.FAILED)
 """The outcomes of a command, as `watch` tells them."""
@@ -288,7 +289,7 @@ class BoundQuery:
         try:
             reply = self._caller.ask(payload, limit)
             self._note(_now() - begun)
-            if reply.status is not _OK:
+            if reply.status is not _OK and reply.status is not _THROWN:
                 tally.failed += 1
         except BaseException as exc:
             tally.failed += 1
@@ -321,7 +322,7 @@ class BoundQuery:
         self._tally.count += 1
         if source.exception() is None:
             self._note(_now() - begun)
-        if source.exception() or source.result().status is not _OK:
+        if source.exception() or source.result().status not in (_OK, _THROWN):
             self._tally.failed += 1
         if finish:
             finish(source.exception() or source.result())
@@ -466,7 +467,7 @@ class BoundHandler:
                 self._ran(_now() - arrived)
                 self._waited(0.0)
                 tally.count += 1
-                if reply.status is not _OK:
+                if reply.status is not _OK and reply.status is not _THROWN:
                     tally.failed += 1
                 if finish:
                     finish(reply)
@@ -539,7 +540,7 @@ class BoundHandler:
 
     def _count(self, reply: Reply, finish: Finish | None) -> None:
         self._tally.count += 1
-        if reply.status is not _OK:
+        if reply.status not in (_OK, _THROWN):
             self._tally.failed += 1
         if finish:
             finish(reply)

@@ -63,6 +63,7 @@ class Tally:
         self.count = 0
         """Messages and calls, also those that failed."""
         self.failed = 0
+        """Of these; an exception that the IDSL declares is an answer."""
         self.latest: deque[float] = deque(maxlen=MOST_KEPT)
         """Seconds that the latest took: the round trip of a caller, the run of a handler, the sending of a message.
 

@@ -39,7 +39,7 @@ class Operation:
     waited: float
     """Longest time in which a message or call waited for its handler."""
     failed: int
-    """Since the start, as all numbers below."""
+    """Since the start, as all numbers below. An exception that the IDSL declares is an answer."""
     lost: int
     """Missing, or discarded since a queue was full."""
     refused: int

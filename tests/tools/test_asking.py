@@ -18,6 +18,7 @@ from robocomp_py.contract.types import INT32, STRING, Field, Struct
 from robocomp_py.errors import RemoteFailure
 from robocomp_py.runtime.introspecting import INTERFACE, NAME
 from robocomp_py.runtime.RoboCompIntrospection import INTROSPECTION_INTERFACE, Description, Measures
+from robocomp_py.testing.everything import Failed
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.tools import asking
 from robocomp_py.tools.access import Access
@@ -120,23 +121,36 @@ def counts(told: Measures, operation: str) -> tuple[int, int, int, int]:
     return one.count, one.failed, len(one.latest), len(one.waited)
 
 
-def test_a_call_that_is_answered_by_an_exception_has_failed(access: Access) -> None:
-    class Asking(Pupil):
-        failures = 0
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_declared_exception_is_an_answer_and_another_one_a_failure(access: Access, waits: bool) -> None:
+    class Broken(Calculator):
+        def Everything_work(self, task: str) -> str:
+            raise ValueError(task)
 
+    class Asking(Pupil):
         def compute(self) -> None:
-            if not self.failures:
-                self.failures += 1
-                self.everything_proxy._ask_async(_DIVIDE, (1, 0), None).exception()
+            if self.has_asked:
+                return
+            self.has_asked = True
+            for operation, arguments in ((_DIVIDE, (1, 0)), (_DIVIDE, (1, 0)), (_WORK, ("it",))):
+                if waits:
+                    with pytest.raises((Failed, RemoteFailure)):
+                        self.everything_proxy._ask(operation, arguments, None)
+                else:
+                    assert self.everything_proxy._ask_async(operation, arguments, None).exception()
+
+        has_asked = False
 
     with (
-        running(make(Calculator, find_transport, OVER)),
+        running(make(Broken, find_transport, OVER, name="calculator")),
         running(make(Asking, find_transport, OVER, name="pupil")),
     ):
-        wait_until(lambda: counts(measured(access, "calculator"), "divide")[:2] == (1, 1))
-        wait_until(lambda: counts(measured(access, "pupil"), "divide")[:2] == (1, 1))
+        for each in ("calculator", "pupil"):
+            wait_until(lambda each=each: counts(measured(access, each), "work")[:2] == (1, 1))  # type: ignore[misc]
+            assert counts(measured(access, each), "divide")[:2] == (2, 0)
 
 
+_WORK = next(each for each in Calculator.component.ports[0].interface.operations if each.name == "work")
 _DIVIDE = next(each for each in Calculator.component.ports[0].interface.operations if each.name == "divide")
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from .facts import Facts, Finding, Weight
 
 NAME = "failures"
-HELP = "calls and handlers that failed"
+HELP = "calls and handlers that failed; a declared exception is an answer"
 
 _CALLS = "rc echo --calls --served"
 """Shows the outcomes of calls."""
@@ -21,6 +21,5 @@ def find(facts: Facts) -> Iterator[Finding]:
             what = {"requires": "calls of", "implements": "requests for"}.get(one.verb, "messages of")
             text = f"{each.name}: {one.failed} of {one.count} {what} {one.channel} over {one.middleware} failed"
             weight = Weight.ERROR if one.failed >= one.count else Weight.WARN
-            watch = f"{_CALLS} {one.channel}" if one.verb in ("requires", "implements") else ""
-            also = f"; watch them with their outcomes, also those that the IDSL declares: {watch}" if watch else ""
+            also = f"; watch their outcomes: {_CALLS} {one.channel}" if what != "messages of" else ""
             yield Finding(weight, text, f"see why in its log: {facts.log_of(each.name)}{also}")
