@@ -283,6 +283,28 @@ def test_after_a_cut_what_ran_there_is_stopped_and_started_again(site: Site):
     gone(site, "robot")
 
 
+def test_what_a_user_stops_on_a_host_stays_so_after_a_cut_until_it_is_started(site: Site):
+    robot = site.host("robot")
+    net = site.network("Component echo : Echo { host robot; restart always; }; Component other : Echo { host robot; restart on_failure; };")
+    run = site.run("--insecure", net)
+    run.says("all 2 components of Lab are ready")
+    stopped = site.done("stop", net, "echo")
+    assert (stopped.code, "echo is stopped" in stopped.text) == (0, True), stopped.text
+    assert not site.echoes("robot")
+    robot.partition()
+    run.says("robot.* (out of reach|lost)")
+    unreachable = site.done("stop", net, "other")
+    assert (unreachable.code, "out of reach" in unreachable.text) == (3, True), unreachable.text
+    robot.heal()
+    run.says("robot is back")
+    assert "stopped by the user" in site.done("status", net).text
+    started = site.done("start", net, "echo")
+    assert (started.code, "echo is ready" in started.text) == (0, True), started.text
+    run.signal(signal.SIGINT)
+    assert run.code == 130 or "other" in run.text, run.text
+    gone(site, "robot")
+
+
 def test_nothing_is_left_when_rcdeploy_is_killed(site: Site):
     site.host("robot")
     net = site.network("Component echo : Echo { host robot; };")
