@@ -32,6 +32,12 @@ def start_thread(thread: threading.Thread) -> bool:
     return True
 
 
+def only_wakes_a_loop(callback: Callable[..., object]) -> bool:
+    """Whether this is asyncio's own callback of a future, by `wrap_future`: it tells an event loop that the future is
+    done, and runs no code of a user. So it may be called on any thread at any time, also when a component stops."""
+    return getattr(callback, "__module__", "") == "asyncio.futures"
+
+
 def fulfil(future: Future[T], function: Callable[[], T]) -> None:
     """Call a function, and pass on what it returns or raises."""
     try:

@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from ..contract.goal import GoalState
 from ..errors import Closed, Timeout
+from ..threads import only_wakes_a_loop
 
 R = TypeVar("R")
 R_co = TypeVar("R_co", covariant=True)
@@ -201,8 +202,14 @@ class GoalFuture(Future[R]):
         return super().exception(0)
 
     def add_done_callback(self, fn: Callable[[Future[R]], object]) -> None:
-        """Call a function with this future once the goal is over, as a handler of the component."""
-        super().add_done_callback(lambda _: self._goal._run(partial(fn, self)))
+        """Call a function with this future once the goal is over, as a handler of the component.
+
+        `asyncio.wrap_future` does not wait for other code of the worker.
+        """
+        if only_wakes_a_loop(fn):
+            super().add_done_callback(fn)
+        else:
+            super().add_done_callback(lambda _: self._goal._run(partial(fn, self)))
 
     def _wait(self, timeout: float | None) -> None:
         if self.done():

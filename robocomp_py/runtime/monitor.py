@@ -56,6 +56,13 @@ class Workers(Protocol):
     def close(self) -> None: ...
 
 
+class Pending(Protocol):
+    """The future of a call that has no answer yet."""
+
+    def turn_away(self) -> None:
+        """End it with Closed."""
+
+
 class Signal(Protocol):
     """Released by one thread, once; another one waits for that by `acquire`."""
 
@@ -122,6 +129,8 @@ class Monitor:
         self._turns = 0
         """How often a thread has left or was suspended."""
         self._at_end: list[Callable[[], object]] = []
+        self.pending: dict[Pending, None] = {}
+        """Ended by `turn_away`. Whoever ends one takes it out before."""
         self.tallies = Tallies()
         """What is counted of the messages of the component."""
         self._pool = self._threads.pool(name, MAX_SUSPENDED + 8, lambda: bool(self._queue), self._freed)
@@ -145,7 +154,9 @@ class Monitor:
         self._at_end.append(callback)
 
     def turn_away(self) -> None:
-        """Refuse everything queued now or later, except suspended threads that return, and `early` ones."""
+        """Refuse everything queued now or later, except suspended threads that return, and `early` ones.
+
+        Calls that are pending end with Closed."""
         refused: list[Refused | None] = []
         with self._state:
             self._closed = True
@@ -160,6 +171,9 @@ class Monitor:
                     entry.called.release()
         for each in (*refused, *self._at_end):
             _call_back(each)
+        while self.pending:
+            with contextlib.suppress(KeyError):  # the last one was answered meanwhile
+                self.pending.popitem()[0].turn_away()
 
     @property
     def closed(self) -> bool:

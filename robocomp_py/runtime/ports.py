@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, InvalidStateError
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cached_property, partial
@@ -16,6 +17,7 @@ from ..contract.component import MAX_SECONDS, Port
 from ..contract.interface import Interface, Operation, Pattern
 from ..contract.qos import QoS
 from ..errors import Closed, DecodeError, RobocompError, TransportError
+from ..threads import only_wakes_a_loop
 from ..transports.base import (
     Caller,
     Channel,
@@ -81,6 +83,8 @@ class Proxy:
     def _ask_async(self, operation: Operation[R], arguments: tuple[Any, ...], deadline: float | None) -> Future[R]:
         asked: Any = self._bound[operation.name]
         answer: Future[R] = asked.ask_async(arguments, deadline)
+        if isinstance(answer, Answer):
+            answer.end_with_component()
         return answer
 
     def _send(self, operation: Operation[None], arguments: tuple[Any, ...], deadline: float | None) -> None:
@@ -110,20 +114,36 @@ def has_subscribers(proxy: Proxy) -> bool:
 
 
 class Answer(Future[R]):
-    """The Future of an asynchronous call, which is done within the deadline of the call.
+    """The Future of an asynchronous call, which is done within the deadline of the call, and at once with Closed if the
+    component is asked to stop.
 
     While the worker waits for it, other handlers may run. Callbacks run like handlers: one at a time, never
-    concurrently with other code of the worker. `asyncio.wrap_future` makes it awaitable.
+    concurrently with other code of the worker, and not once the component is asked to stop. `asyncio.wrap_future` makes
+    it awaitable, also in code that holds the worker.
     """
 
     def __init__(self, monitor: Monitor, call: Call[R]) -> None:
         super().__init__()
         self._monitor, self._call = monitor, call
         self._source: Future[Reply] | None = None
+        self._began_late = monitor.closed
+        """Whether the component had been asked to stop before."""
 
     def follow(self, source: Future[Reply]) -> None:
         self._source = source
         source.add_done_callback(self._answered)
+
+    def end_with_component(self) -> None:
+        """Let it end as soon as the component is asked to stop, and not only when the link is closed."""
+        self._monitor.pending[self] = None
+        if self.done():
+            self._monitor.pending.pop(self, None)
+        elif self._monitor.closed and not self._began_late:  # it was asked to stop meanwhile
+            self.turn_away()
+
+    def turn_away(self) -> None:
+        with contextlib.suppress(InvalidStateError):  # it is done
+            self.set_exception(Closed("the component is stopping"))
 
     def cancel(self) -> bool:
         cancelled = super().cancel()
@@ -142,15 +162,26 @@ class Answer(Future[R]):
         return super().exception(0)
 
     def add_done_callback(self, fn: Callable[[Future[R]], object]) -> None:
-        super().add_done_callback(lambda _: self._monitor.run(partial(fn, self)))
+        if only_wakes_a_loop(fn):
+            super().add_done_callback(fn)
+        else:
+            super().add_done_callback(lambda _: self._monitor.run(partial(fn, self)))
 
     def _answered(self, source: Future[Reply]) -> None:
-        if source.cancelled() or not self.set_running_or_notify_cancel():
-            return
+        self._monitor.pending.pop(self, None)
         try:
-            self.set_result(self._call.result(source.result()))
-        except RobocompError as exc:
+            self._settle(source)
+        except InvalidStateError:  # it was cancelled, or the component was asked to stop
+            if self.cancelled():
+                self.set_running_or_notify_cancel()  # for `concurrent.futures.wait`
+
+    def _settle(self, source: Future[Reply]) -> None:
+        try:
+            value = self._call.result(source.result())
+        except (RobocompError, CancelledError) as exc:
             self.set_exception(exc)
+        else:
+            self.set_result(value)
 
 
 def bind_proxy(

@@ -365,11 +365,12 @@ class ActionsConformance(ABC):
         future = goal.future()
 
         async def stop() -> None:
-            task = asyncio.ensure_future(goal)
+            waiting = [asyncio.ensure_future(goal), asyncio.wrap_future(goal.future())]
             await asyncio.sleep(0)
             client.monitor.turn_away()
-            with pytest.raises(Closed):
-                await task
+            for each in waiting:
+                with pytest.raises(Closed):
+                    await each
 
         asyncio.run(stop())
         with pytest.raises(Closed):

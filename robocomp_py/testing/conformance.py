@@ -1311,6 +1311,35 @@ class TransportConformance(QoSConformance):
             return list(await asyncio.gather(*calls))
 
         assert asyncio.run(both()) == [(3, 1), (3, 2)]
+        with proxy.monitor.held():
+            assert asyncio.run(both()) == [(3, 1), (3, 2)]
+
+    def test_calls_that_are_awaited_end_as_closed_when_their_component_stops(
+        self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
+    ) -> None:
+        async def awaited(proxy: _Proxy) -> str:
+            return str(await asyncio.wrap_future(proxy.ask_async(e.work, "stay", deadline=10 * SOON)))
+
+        class Slow(_Handlers):
+            def __init__(self) -> None:
+                super().__init__()
+                self.begun, self.released = threading.Event(), threading.Event()
+
+            def Everything_work(self, task: str) -> Any:
+                self.begun.set()
+                self.released.wait(10 * SOON)
+                return task
+
+        slow = Slow()
+        with _Served(here, name, slow), _Using(there, name) as proxy:
+            try:
+                answer = pool.submit(asyncio.run, awaited(proxy))
+                assert slow.begun.wait(SOON)
+                proxy.monitor.turn_away()
+                with pytest.raises(Closed, match="the component is stopping"):
+                    answer.result(SOON)
+            finally:
+                slow.released.set()
 
     def test_callbacks_run_like_handlers(self, proxy: _Proxy) -> None:
         inside: list[bool] = []

@@ -42,7 +42,7 @@ class TurnThreads(Threads):
 
     def wait_for(self, future: Future[Any], timeout: float | None) -> None:
         pause = Pause(self._executor)
-        future.add_done_callback(lambda _: pause.end())
+        Future.add_done_callback(future, lambda _: pause.end())  # also if the component runs no callbacks any more
         pause.wait(None if timeout is None else self._executor.now + ns(timeout))
 
 

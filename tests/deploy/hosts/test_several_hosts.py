@@ -285,7 +285,10 @@ def test_after_a_cut_what_ran_there_is_stopped_and_started_again(site: Site):
 
 def test_what_a_user_stops_on_a_host_stays_so_after_a_cut_until_it_is_started(site: Site):
     robot = site.host("robot")
-    net = site.network("Component echo : Echo { host robot; restart always; }; Component other : Echo { host robot; restart on_failure; };")
+    net = site.network(
+        "Component echo : Echo { host robot; restart always; };"
+        "Component other : Echo { host robot; restart on_failure; };"
+    )
     run = site.run("--insecure", net)
     run.says("all 2 components of Lab are ready")
     stopped = site.done("stop", net, "echo")
