@@ -98,7 +98,7 @@ class Field:
     """What a new value holds, if not zero."""
     doc: str = field(default="", compare=False, repr=False)
 
-    @property
+    @cached_property
     def attribute(self) -> str:
         """Its name in Python: `lambda` is spelt `lambda_` there."""
         return python_name(self.name)

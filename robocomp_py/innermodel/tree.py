@@ -136,7 +136,11 @@ class Tree:
         """The tags of all nodes by their ids, parents first."""
         with self._lock:
             if self._tags is None or self._tags[0] != self._change:
-                found = {node.id: node.tag.name for node in _every(self._root)}
+                found, waiting = dict[str, str](), [self._root]
+                while waiting:
+                    node = waiting.pop()
+                    found[node.id] = node.tag.name
+                    waiting += reversed(node.children)
                 self._tags = self._change, MappingProxyType(found)
             return self._tags[1]
 
@@ -177,13 +181,16 @@ class Tree:
         """The ids of nodes that only one of the trees has, or that are not the same in both: in tag, parent, value,
         or position of a joint. Children of a node that differs may be the same."""
         with self._lock, other._lock:
-            found = self._nodes.keys() ^ other._nodes.keys()
-            for name in self._nodes.keys() - found:
-                one, two = self._nodes[name], other._nodes[name]
-                above = one.parent.id if one.parent else "", two.parent.id if two.parent else ""
-                is_same = one.tag is two.tag and above[0] == above[1]
-                is_same = is_same and (one.values is two.values or one.values == two.values)
-                if not is_same or (one.position, one.is_set) != (two.position, two.is_set):
+            others = other._nodes
+            found = self._nodes.keys() ^ others.keys()
+            for name, one in self._nodes.items():
+                two = others.get(name, one)
+                if (
+                    (one.values is not two.values and one.values != two.values)
+                    or one.tag is not two.tag
+                    or (one.position, one.is_set) != (two.position, two.is_set)
+                    or (one.parent and one.parent.id) != (two.parent and two.parent.id)
+                ):
                     found.add(name)
             return found
 

@@ -11,10 +11,9 @@ pairs of bodies that do not touch.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -29,7 +28,7 @@ from ..innermodel.pictures import GREY, Pixels, colour_of
 from ..innermodel.read import ROOT_ID, InnerModelError, Value
 from ..innermodel.tree import Node, Tree
 from . import grippers, servos
-from .contacts import grounds, part
+from .contacts import Grounds, grounds, part
 from .grippers import Gripper
 from .looks import Looks
 from .parameters import BASES, JOINTS, Parameters, checked
@@ -159,8 +158,7 @@ class Building:
     """By the name of a body in MuJoCo: the name of the body at the top that carries it."""
     looks: Looks | None = None
     """Of a model that is drawn."""
-    grounds: set[tuple[str, str]] = field(default_factory=set)
-    """See `contacts.grounds`."""
+    grounds: Grounds = field(default_factory=Grounds)
 
 
 def build(
@@ -402,13 +400,16 @@ def _grippers(building: Building, model: mujoco.MjModel) -> dict[str, Gripper]:
 
 
 def _shapes_of(
-    tree: Tree, model: mujoco.MjModel, known: Mapping[str, bool] = MappingProxyType({})
+    tree: Tree, model: mujoco.MjModel, before: Scene | None = None, changed: Set[str] = frozenset()
 ) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
-    """The nodes of the geoms, and which of them stop bases; of some, the latter is known."""
-    kind = mujoco.mjtObj.mjOBJ_GEOM
-    shapes = tuple(mujoco.mj_id2name(model, kind, each).removeprefix(_PREFIX) for each in range(model.ngeom))
-    stops = (known[name] if name in known else bool(tree.node(name).values["collide"]) for name in shapes)
-    return shapes, np.fromiter(stops, dtype=bool, count=model.ngeom)
+    """The nodes of the geoms, and which of them stop bases. Of a scene before it, the unchanged nodes are known."""
+    begin = int(model.name_geomadr[0]) if model.ngeom else 0
+    names = model.names[begin:].decode().split("\0", model.ngeom)[: model.ngeom]
+    shapes = tuple([name[len(_PREFIX) :] for name in names])
+    known = dict(zip(before.shapes, before.stops.tolist(), strict=True)) if before else {}
+    for name in (changed & {*shapes}) if before else shapes:
+        known[name] = bool(tree.node(name).values["collide"])
+    return shapes, np.array([known[name] for name in shapes], dtype=bool)
 
 
 def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> Scene | None:
@@ -443,14 +444,15 @@ def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> S
         elif node.tag in ("plane", "display"):
             _add_box(building, node, spec.worldbody, pose)
     model = _model(spec)
-    driving = {_PREFIX + name for name in building.bases}
-    if grounds(model, scene.start, building.trees, driving) != before.grounds:
-        return None
+    shapes, stops = _shapes_of(tree, model, scene, changed)
+    fresh = [number for number, name in enumerate(shapes) if name in moved]
+    if before.grounds.may_have(model, fresh):
+        driving = {_PREFIX + name for name in building.bases}
+        if grounds(model, scene.start, building.trees, driving).pairs != before.grounds.pairs:
+            return None
     for each in ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited", "actuator_forcerange"):
         getattr(model, each)[:] = getattr(scene.model, each)  # what they move has not changed
     bases = {name: replace(each, shapes=_shapes(model, _PREFIX + name)) for name, each in scene.bases.items()}
-    known = {name: stops for name, stops in zip(scene.shapes, scene.stops.tolist(), strict=True) if name not in changed}
-    shapes, stops = _shapes_of(tree, model, known)
     held = _grippers(building, model)
     return Scene(model, frames, bases, scene.joints, scene.start, shapes, stops, tree, held, {}, {}, building)
 
@@ -485,7 +487,7 @@ def _is_plain(before: Building, node: Node, *, is_new: bool = True) -> bool:
     if node.tag in (*BASES, *JOINTS) or node.values.get("engine") == "bullet" or (is_new and node.tag == "mesh"):
         return False
     above, _ = before.frames.get(node.parent, ("world", None))
-    return above == "world" and all(shape != _PREFIX + node.id for _, shape in before.grounds)
+    return above == "world" and all(shape != _PREFIX + node.id for _, shape in before.grounds.pairs)
 
 
 def _free(building: Building, body: str) -> dict[str, str]:

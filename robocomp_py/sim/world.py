@@ -21,6 +21,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import RobocompError
 from ..innermodel import axes
@@ -135,6 +136,7 @@ class World:
         self._tree, self._seed, self._tick = tree.copy(), seed, tick
         self._hold = round(hold / tick)
         self._without_meshes, self._parameters = without_meshes, dict(parameters or {})
+        self._lasers: dict[str, Laser] = {}
         self._equip(self._parameters)
         self._original: Tree | None = None
         """The tree before the first change."""
@@ -165,12 +167,12 @@ class World:
 
     def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
         """Make the model of the tree, from the scene before it if that is enough, and the devices in it."""
-        tree = self._tree
+        tree, lasers = self._tree, self._lasers
         made = rebuilt(before, tree, parameters) if before else None
-        self._scene = made or build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
+        self._scene: Scene = made or build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
         tags = tree.tags
         self._lasers = {
-            name: Laser(node, self._scene.frames[name])
+            name: lasers[name] if before and self._is_kept(name, before) else Laser(node, self._scene.frames[name])
             for name, tag in tags.items()
             if tag == "laser" and (node := tree.node(name)).values["measures"] != 0
         }
@@ -180,6 +182,9 @@ class World:
             if is_lidar(parameters.get(name, {}))
         }
         self._movable = list(self._scene.movable)
+        self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
+        self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
+        """By base: the vector of positions when `_depths` were computed last, and what they were."""
         self._free = np.flatnonzero(self._scene.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self._lenses = {name: lens_of(tree.node(name)) for name in cameras(tree)}
         self._displays = dict.fromkeys(name for name, tag in tags.items() if tag == "display")
@@ -187,6 +192,11 @@ class World:
         self._touches = {name: Touch(tree, name, self._scene) for name, tag in tags.items() if tag == "touchsensor"}
         if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+
+    def _is_kept(self, name: str, before: Scene) -> bool:
+        """Whether a node is where it was in the scene before, and what it was."""
+        is_there = before.frames.get(name) is self._scene.frames[name]
+        return is_there and before.tree.node(name) == self._tree.node(name)
 
     def reset(self, seed: int | None = None) -> None:
         """Begin again at tick 0, with all as the tree had it; with another seed if one is given.
@@ -220,7 +230,9 @@ class World:
         InnerModelError for what cannot be used, and Overlap if a base that stops would be inside of what stops it;
         then nothing has changed.
         """
-        before, overlaps = self.copy(), self._overlaps()
+        overlaps = self._overlaps()
+        before = object.__new__(World)  # with the same data: the edited world gets others
+        before.__dict__.update(self.__dict__)
         parameters = {name: values for name, values in self._parameters.items() if name in tree}
         try:
             self._tree = tree
@@ -284,6 +296,7 @@ class World:
 
     def _overlaps(self) -> dict[tuple[str, str], float]:
         """How far shapes of bases are inside of shapes that stop them, m, less than 0; by the ids of the shapes."""
+        self._update()
         shapes, found = self._scene.shapes, {}
         for name, base in self._scene.bases.items():
             for (one, other), depth in self._depths(name).items() if base.collides else ():
@@ -850,8 +863,11 @@ class World:
         deviation = self._noise.get(name, 0.0)
         if not deviation:
             return _EXACT
-        factors = 1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)
-        return tuple(np.copysign(np.maximum(np.abs(factors), _LEAST_FACTOR), factors).tolist())
+        ahead, aside, turn = (
+            math.copysign(max(abs(factor), _LEAST_FACTOR), factor)
+            for factor in (1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)).tolist()
+        )
+        return ahead, aside, turn
 
     def _advance(self, base: Base, drive: Drive) -> None:
         """Move a base for a tick, unless something stops it."""
@@ -877,16 +893,27 @@ class World:
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""
-        model, data, found = self._scene.model, self._data, {}
+        model, data, places = self._scene.model, self._data, self._data.qpos.tobytes()
+        known, found = self._deep.get(name, (b"", {}))
+        if known == places:
+            return found
         self._update()
-        own = self._scene.bases[name].shapes
-        others = np.flatnonzero(self._scene.stops & ~own)
-        for one in np.flatnonzero(self._scene.stops & own).tolist():
-            reach = model.geom_rbound[one] + model.geom_rbound[others]
-            apart = np.linalg.norm(data.geom_xpos[others] - data.geom_xpos[one], axis=1)
-            for other in others[apart < reach].tolist():
+        found = {}
+        for one, others, reach in self._stopped(name):
+            away = data.geom_xpos[others] - data.geom_xpos[one]
+            for other in others[np.einsum("ij,ij->i", away, away) < reach].tolist():
                 found[one, other] = mujoco.mj_geomDistance(model, data, one, other, 1.0, None)
+        self._deep[name] = places, found
         return found
+
+    def _stopped(self, name: str) -> list[tuple[int, NDArray[np.intp], Array]]:
+        """The geoms of a base that are stopped, the geoms that stop them, and squares of how near they may touch."""
+        if name not in self._stopping:
+            own, bounds = self._scene.bases[name].shapes, self._scene.model.geom_rbound
+            others = np.flatnonzero(self._scene.stops & ~own)
+            mine = np.flatnonzero(self._scene.stops & own).tolist()
+            self._stopping[name] = [(one, others, (bounds[one] + bounds[others]) ** 2) for one in mine]
+        return self._stopping[name]
 
     def _pose(self, base: str) -> Pose:
         found, places = self._scene.bases[base], self._places

@@ -19,8 +19,6 @@ class Rays:
         self._directions = directions @ axes.TO_SIMULATION.T @ frame.rotation.T
         self._position, self._body = frame.position, frame.body
         self._reach = reach / 1000.0 * 1.01 + 1.0
-        self._hit = np.empty(len(directions), dtype=np.int32)
-        self._metres = np.empty(len(directions))
 
     def cast(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.bool_]]:
         """How far they go, mm, and which hit something, both of shape (n,). Distances of the others mean nothing.
@@ -30,9 +28,10 @@ class Rays:
         turn = data.xmat[self._body].reshape(3, 3)
         origin = data.xpos[self._body] + turn @ self._position
         directions = np.ascontiguousarray(self._directions @ turn.T)
+        count = len(directions)
+        hit, metres = np.empty(count, dtype=np.int32), np.empty(count)  # not kept: copies of a world share the rays
         own = self._body or -1  # what is fixed to the world may see all else that is
         mujoco.mj_multiRay(
-            model, data, origin, directions.ravel(), None, True, own, self._hit, self._metres, None,
-            len(self._metres), self._reach,
-        )  # fmt: skip
-        return self._metres * 1000.0, self._hit >= 0
+            model, data, origin, directions.ravel(), None, True, own, hit, metres, None, count, self._reach
+        )
+        return metres * 1000.0, hit >= 0
