@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
-from .spelling import closest
+from .spelling import closest, enumerated
 
 
 class Parser(argparse.ArgumentParser):
@@ -44,8 +44,7 @@ class Parser(argparse.ArgumentParser):
         if found := _MISSING.fullmatch(message):
             may_be_empty = {each.metavar for each in self._actions if each.nargs == "*"}
             missing = [name for name in found[1].split(", ") if name not in may_be_empty]
-            named = " and ".join(filter(None, [", ".join(missing[:-1]), missing[-1]]))
-            return f"{named} {'is' if len(missing) == 1 else 'are'} missing; see: {self.prog} --help"
+            return f"{enumerated(missing)} {'is' if len(missing) == 1 else 'are'} missing; see: {self.prog} --help"
         return message.removeprefix("argument ")
 
     def options(self, *, with_value: bool = False) -> list[str]:

@@ -1,4 +1,4 @@
-"""Suggestions for misspelt names: one rule for models, configurations and command lines."""
+"""Names in sentences: what may have been meant by a misspelt one, and lists of several."""
 
 from __future__ import annotations
 
@@ -32,3 +32,9 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
     return f"unknown {what} `{name}`; " + (
         f"did you mean `{near}`?" if near else f"known: {', '.join(names) or 'none'}"
     )
+
+
+def enumerated(names: Iterable[str]) -> str:
+    """`a, b and c`."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last

@@ -1,3 +1,3 @@
 """Simulates ../belt.xml: each of its devices is a named instance, with the id of its
-node. Simulation and InnerModelManager and SimulationPub are of the simulation itself.
+node. Simulation, InnerModelManager and SimulationPub are of the simulation itself.
 """

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..arguments import Parser
 from ..dsl.diagnostics import did_you_mean
+from ..spelling import enumerated
 from . import completing
 from .common import command, parser
 from .completing import completed
@@ -146,7 +147,7 @@ def _refuse(rest: Sequence[str], made: argparse.ArgumentParser, name: str) -> No
     option = rest[0].partition("=")[0]
     takers = [other for other in COMMANDS if option in _options(other)]
     if option.startswith("-") and takers:
-        whose = " and ".join(f"`rcdeploy {other}`" for other in takers)
+        whose = enumerated(f"`rcdeploy {other}`" for other in takers)
         made.error(f"{option} is for {whose}" + (f", not for `rcdeploy {name}`" if name else ""))
     made.error(f"unrecognized arguments: {' '.join(rest)}")
 

@@ -20,6 +20,7 @@ from ..contract.interface import Interface
 from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
+from ..spelling import enumerated
 from . import actions, configuration, expressions, instances, layout, machine, names, timers
 from .compiled import FILE, Compiled
 from .imports import bound_names, complete
@@ -217,6 +218,7 @@ def environment() -> Environment:
         }
     made.tests["kind"] = lambda value, *kinds: isinstance(value, tuple(_KINDS[kind] for kind in kinds))
     made.filters["of"] = _definitions
+    made.filters["enumerated"] = enumerated
     return made
 
 

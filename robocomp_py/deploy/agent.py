@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigurationError, DeploymentError, TransportError
+from ..spelling import enumerated
 from .agents import Abandoned, Listener
 from .beside import beside
 from .hosts.lines import BEAT, LONGEST, SILENCE, VERSION, Lines, Message, packed, process_of, usage_told
@@ -352,7 +353,7 @@ class Agent(Listener):
             async with asyncio.timeout(HOSTING_TIMEOUT):
                 await beside(self._host, message["hosted"], f"rcdeploy {message['network']}")
         except TimeoutError as exc:
-            what = " and ".join(name for name, _ in message["hosted"])
+            what = enumerated(name for name, _ in message["hosted"])
             raise DeploymentError(f"what {what} shares there has not started within {HOSTING_TIMEOUT:g} s") from exc
         except (TransportError, ConfigurationError) as exc:
             raise DeploymentError(str(exc)) from exc

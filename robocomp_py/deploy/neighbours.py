@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..spelling import enumerated
 from ..transports.deployment import deployments
 from ..transports.network import PORTS, ports_of
 from .place import Place, running
@@ -20,7 +21,7 @@ def warnings(plan: Plan) -> list[str]:
     for other, theirs in running(Place(plan.name).folder.parent, _ports):
         same = [each for each in theirs if each in mine]
         if other != plan.name and same:
-            which = " and ".join(f"{each[0]} to {each[-1]}" for each in same)
+            which = enumerated(f"{each[0]} to {each[-1]}" for each in same)
             found.append(
                 f"{other} also runs here, and its name yields the same ports between hosts as {plan.name}: {which}; "
                 "if one of them cannot listen there, rename the network"

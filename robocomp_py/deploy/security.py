@@ -19,6 +19,7 @@ from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document
 from ..runtime.notify import BETWEEN
+from ..spelling import enumerated
 from ..transports.base import Capability, find_transport
 from ..transports.deployment import Deployment, deployment_of, deployments, is_loopback
 from ..transports.network import Fault, Helper
@@ -139,7 +140,7 @@ def _listed(instances: Sequence[str]) -> str:
     said = [f"`{each}`" for each in instances[:_LISTED]]
     if len(instances) > _LISTED:
         said.append(f"{len(instances) - _LISTED} more")
-    return " and ".join(filter(None, (", ".join(said[:-1]), said[-1])))
+    return enumerated(said)
 
 
 _BEYOND = "other machines can reach it, and it has no keys to authenticate them"

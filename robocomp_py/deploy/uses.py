@@ -79,9 +79,8 @@ def wire(
         offers.setdefault(_offers(each.port), []).append(each)
     named = {node.name for node in nodes} | {each.name for some in offers.values() for each in some}
     complete = len(nodes) == len(model.instances)
-    return [
-        link for node in nodes for link in _Wirer(node, named, offers, complete, report, is_outside, imported).links()
-    ]
+    wirers = (_Wirer(node, nodes, named, offers, complete, report, is_outside, imported) for node in nodes)
+    return [link for each in wirers for link in each.links()]
 
 
 @dataclass(frozen=True)
@@ -118,6 +117,8 @@ class _Wirer:
     """The uses of one instance."""
 
     node: Node
+    nodes: Sequence[Node]
+    """All of the network."""
     named: Set[str]
     """All instances, and all named instances."""
     offers: Mapping[tuple[Verb, str], Sequence[_Offer]]
@@ -202,7 +203,19 @@ class _Wirer:
     def _named_instead(self, port: Port, wiring: Wiring) -> str:
         """A hint for an instance that provides an interface as named instances only; "" for others."""
         offers = [each for each in self.offers.get(_uses(port), ()) if each.node.name == wiring.instance.text]
-        return " or ".join(f"{port.verb} {port.label} from {each.name};" for each in offers)
+        if offers:
+            return " or ".join(f"{port.verb} {port.label} from {each.name};" for each in offers)
+        meant = wiring.instance.text
+        able = [each for each in self._able(port) if meant == each.name or meant in self._named_of(each)]
+        return _offers_to_add(port, able, meant)
+
+    def _able(self, port: Port) -> list[Node]:
+        """The instances whose components can provide what a port uses under names that the network declares."""
+        return [each for each in self.nodes if any(_offers(one) == _uses(port) for one in each.component.named)]
+
+    def _named_of(self, node: Node) -> list[str]:
+        """The full names of its named instances."""
+        return [each.name.text for each in node.instance.offers]
 
     def _report_several(self, port: Port, providers: Mapping[str, _Offer]) -> None:
         said = ", ".join(f"`{name}`" for name in providers)
@@ -224,7 +237,9 @@ class _Wirer:
             self.report.warning("no-publisher", message, node.instance.name.span, self._instance_to_add(port))
 
     def _instance_to_add(self, port: Port) -> str:
-        """How to get an instance of an imported component that offers what a port uses; "" if there is none."""
+        """How to get an instance that offers what a port uses; "" if no imported component can."""
+        if able := self._able(port):
+            return _offers_to_add(port, able)
         others = [each for each in self.imported if each.name != self.node.component.name]
         offering = [each.name for each in others if any(_offers(one) == _uses(port) for one in each.ports)]
         return f"write {' or '.join(f'`Component {name} {{ }};`' for name in offering)}" if offering else ""
@@ -246,6 +261,18 @@ class _Wirer:
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self.report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
+
+
+def _offers_to_add(port: Port, able: Sequence[Node], meant: str = "") -> str:
+    """Which `offers` clause is missing, for these instances. `meant` is the name that the network uses, if it does."""
+    said = []
+    for node in able:
+        clauses = {each.local: [*map(str, each.interfaces)] for each in node.instance.offers}
+        local = meant.rpartition("/")[2]
+        name = local if meant and meant != node.name else next(iter(clauses), "front")
+        interfaces = ", ".join([*clauses.get(name, ()), port.interface.short])
+        said.append(f"write in the block of `{node.name}`: offers {name} : {interfaces};")
+    return " or ".join(said)
 
 
 def _offers(port: Port) -> tuple[Verb, str]:

@@ -203,7 +203,10 @@ def test_a_configuration_may_set_what_the_network_declares(folder: Path) -> None
             "requires Laser from ring;",
             "`ring` does not implement `Laser` (requires Laser from front; or requires Laser from back;)",
         ),
-        ("subscribesTo LaserPub from left;", "`left` does not publish `LaserPub` ()"),
+        (
+            "subscribesTo LaserPub from left;",
+            "`left` does not publish `LaserPub` (write in the block of `ring`: offers left : Laser, LaserPub;)",
+        ),
     ],
 )
 def test_a_wiring_to_what_a_name_does_not_provide_is_told(folder: Path, wiring: str, message: str) -> None:
@@ -212,6 +215,24 @@ def test_a_wiring_to_what_a_name_does_not_provide_is_told(folder: Path, wiring: 
     if "requires" in wiring:
         body = body.replace("offers left : Laser;", "").replace("requires Laser from left;", "")
     assert told(folder, body)[0] == f"2: no-provider: {message}"
+
+
+@pytest.mark.parametrize(
+    ("wiring", "line"),
+    [
+        ("", "2: no-provider: `user` requires `Laser`, which no component implements"),
+        ("requires Laser from ring;", "2: no-provider: `ring` does not implement `Laser`"),
+    ],
+)
+def test_where_only_the_offers_clause_is_missing_that_clause_is_proposed(folder: Path, wiring: str, line: str) -> None:
+    body = f"Component ring {{ }};\nComponent user {{ {wiring} }};"
+    hint = "(write in the block of `ring`: offers front : Laser;)"
+    assert f"{line} {hint}" in told(folder, body)
+
+
+def test_without_an_instance_that_could_offer_it_a_component_is_proposed(folder: Path) -> None:
+    (line, *_) = told(folder, "Component user { };")
+    assert line.endswith("(write `Component ring { };` or `Component sensor { };`)")
 
 
 def test_several_named_instances_need_a_choice(folder: Path) -> None:

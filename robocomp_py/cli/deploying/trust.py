@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from ...spelling import enumerated
 from ..common import FINE, UNREACHABLE, WRONG, complain
 
 NAME = "trust"
@@ -60,7 +61,7 @@ def _agreed(options: argparse.Namespace, presented: object) -> bool:
     if presented.fingerprint in presented.known:
         print("this key is known already")
     elif presented.known:
-        known = " and ".join(presented.known)
+        known = enumerated(presented.known)
         print(f"another key is known: {known}; another machine may be intercepting the connection", flush=True)
     if options.fingerprint:
         if options.fingerprint != presented.fingerprint:

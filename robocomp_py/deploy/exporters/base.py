@@ -15,6 +15,7 @@ from typing import Any
 from ... import __version__
 from ...errors import DeploymentError
 from ...runtime.effective import toml
+from ...spelling import enumerated
 from ...transports.network import Helper
 from ..plan import Host, Plan, Process
 from ..policy import Restart, When
@@ -210,12 +211,6 @@ def _is_ours(path: Path) -> bool:
 
 def _one_line(text: str) -> str:
     return "".join(char if char.isprintable() else "?" for char in text)
-
-
-def enumerated(names: Iterable[str]) -> str:
-    """`a, b and c`."""
-    *others, last = names
-    return f"{', '.join(others)} and {last}" if others else last
 
 
 def told_once(notes: Iterable[str]) -> tuple[str, ...]:

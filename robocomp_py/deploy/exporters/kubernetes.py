@@ -9,6 +9,7 @@ from typing import Any
 
 from ...errors import DeploymentError
 from ...runtime.notify import READY_FILE
+from ...spelling import enumerated
 from ..keys import contents, graph_of
 from ..plan import Plan, Process
 from ..policy import When
@@ -18,7 +19,6 @@ from .base import (
     USER,
     Export,
     Site,
-    enumerated,
     grace,
     heading,
     identifier,

@@ -10,6 +10,7 @@ from ...contract.component import MAX_SECONDS, TAKEN, Port, numbers
 from ...contract.goal import POLICIES
 from ...contract.interface import Interface, Verb
 from ...contract.statemachine import StateMachine
+from ...spelling import enumerated
 from ..diagnostics import Proposals, Report, did_you_mean
 from ..source import Name
 from . import model as m
@@ -77,8 +78,7 @@ class _Checker:
             self._report_unknown(item.interface)
             return
         if len(found) > 1:
-            names = " and ".join(each.name for each in found)
-            message = f"`{item.interface}` is {names}"
+            message = f"`{item.interface}` is {enumerated(each.name for each in found)}"
             self.report.error("ambiguous-interface", message, item.interface.span, "import one of them only")
         interface = found[0]
         self._check_policies(item, interface)

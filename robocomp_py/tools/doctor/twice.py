@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...contract.interface import Pattern
+from ...spelling import enumerated
 from .facts import Facts, Finding, Weight
 
 NAME = "twice"
@@ -17,7 +18,7 @@ def find(facts: Facts) -> Iterator[Finding]:
         processes = tuple(map(str, sorted({each.process for each in channel.providers})))
         if len(processes) > 1 and (channel.instance, *processes) not in told:
             told.add((channel.instance, *processes))
-            listed = " and ".join(processes)
             verb = "publish" if channel.pattern is Pattern.PUBLISH else "serve"
-            text = f"processes {listed} both {verb} {channel.name}"
+            number = "both" if len(processes) == 2 else "all"
+            text = f"processes {enumerated(processes)} {number} {verb} {channel.name}"
             yield Finding(Weight.ERROR, text, "end one of them, or give it another name: --name NAME")
