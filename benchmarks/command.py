@@ -19,7 +19,7 @@
   virtual    the example network in virtual time
   lockstep   one instant of a network in lock-step
   pictures   a picture of a simulated camera, with its depth
-  simulation ticks, laser scans, plans and edits of a simulated scene, and the start of its component
+  simulation ticks, laser scans, plans and edits of a simulated scene, and its component with cameras
   scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics

@@ -1,25 +1,22 @@
-"""Measures a simulated scene: ticks, laser scans, plans, edits, and the start of its component.
+"""Measures a simulated scene: ticks, laser scans, plans and edits; and its component, from its start to its pictures.
 
 Where MuJoCo alone can do the same, it does so in turn, with the same model and the same state. Times are those of the
-processor, except that of the start.
+processor, except those of the component.
 """
 
 from __future__ import annotations
 
-import contextlib
 import statistics
-import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from .components import component
 from .goals import Finding
 from .query import Tell
 from .rounds import Effort, by_turns, ratio, times
 from .scenes import hall
+from .served import HERTZ, house, served
 from .tables import Table, times_as_much, us
 
 RATIO = 1.3
@@ -33,6 +30,9 @@ CALLS = 5
 """Of each party, in a round."""
 
 STARTS = 3
+MOST_DELAY, MOST_SHARE = 0.0004, 20.0
+"""Seconds from a filled picture to its handler, and % of a core."""
+
 PLANS, HORIZON = 4, 5.0
 
 
@@ -55,8 +55,8 @@ def run(effort: Effort, tell: Tell) -> list[Row]:
     rows += [_scans(effort, rays) for rays in (360, 1080)]
     tell("simulation · plans and edits")
     rows += [_plans(effort), *_edits(effort)]
-    tell("simulation · start")
-    return [*rows, _start()]
+    tell("simulation · component")
+    return [*rows, _start(), *_served(effort)]
 
 
 def _compared(what: str, ours: Callable[[], object], bare: Callable[[], object], effort: Effort, parts: int) -> Row:
@@ -173,20 +173,34 @@ def _edits(effort: Effort) -> list[Row]:
 
 def _start() -> Row:
     """From the process of a component that simulates a scene to `ready`, without a renderer."""
-    from robocomp_py.cli.rc import main as rc
-
-    with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
-        scene = Path(folder, "hall.xml")
-        hall(SHAPES).save(scene)
-        with contextlib.redirect_stdout(sys.stderr):
-            if rc(["sim", "new", str(scene), "-o", str(Path(folder, "house"))]) != 0:
-                raise RuntimeError("the component could not be made")
-        took = []
+    took = []
+    with house(SHAPES, cameras=False) as folder:
         for _ in range(STARTS + 1):
-            with component("house", Path(folder), "zeromq") as ready:
+            with component("house", folder, "zeromq") as ready:
                 took.append(ready.seconds)
     seconds = statistics.median(took[1:])  # the first one compiles
     return Row("start of the component, to `ready`", seconds * 1e6, "≤ 1.0 s", seconds <= 1.0)
+
+
+def _served(effort: Effort) -> list[Row]:
+    """Two lasers and two cameras of a scene with physics, heard by another component. The time is that from a filled
+    picture to its handler."""
+    with house(SHAPES, cameras=True) as folder:
+        each = [served(folder, effort.watched / STARTS) for _ in range(STARTS + 1)][1:]
+    first = statistics.median(one.first for one in each)
+    delay, share = (statistics.median(values) for values in zip(*((one.delay, one.share) for one in each), strict=True))
+    pictures, scans = (min(values) for values in zip(*((one.pictures, one.scans) for one in each), strict=True))
+    heard = f"scans at {scans:.1f} Hz, pictures at {pictures:.1f} Hz, {share:.0f} % of a core"
+    is_met = delay <= MOST_DELAY and share <= MOST_SHARE and min(scans, pictures) >= 0.99 * HERTZ
+    return [
+        Row("start of the component, to its first picture", first * 1e6, "≤ 2.0 s", first <= 2.0),
+        Row(
+            f"2 lasers, 2 cameras over shm: {heard}",
+            delay * 1e6,
+            f"{HERTZ} Hz, ≤ {MOST_SHARE:g} %, ≤ {us(MOST_DELAY * 1e6)}",
+            is_met,
+        ),
+    ]
 
 
 def table(rows: list[Row]) -> Table:

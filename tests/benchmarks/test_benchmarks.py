@@ -153,7 +153,7 @@ def test_pictures_are_measured(tmp_path: Path) -> None:
 def test_simulation_is_measured(tmp_path: Path) -> None:
     _, found = run(tmp_path, "--what", "simulation", "--rounds", "2")
     rows = {row["what"]: row for row in found["simulation"]}
-    assert len(rows) == 8
+    assert len(rows) == 10
     assert [name for name, row in rows.items() if row["bare"]] == [
         "tick, 20 boxes that fall",
         "tick, 20 boxes at rest",
