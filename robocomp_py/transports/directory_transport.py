@@ -7,7 +7,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from ..contract.qos import traits
 from ..wire.header import clock
@@ -15,9 +15,6 @@ from .base import Channel, SupportsGathering
 from .directory import Directory, Entry, Found, Membership
 from .limits import IDLE_TICK, ROLL_CALL
 from .link import BaseLink, BaseTransport, L, R
-
-if TYPE_CHECKING:
-    from .server import ServingLink
 
 _SERVING = ("serves", "receives")
 
@@ -56,14 +53,6 @@ class DirectoryTransport(BaseTransport[Found], SupportsGathering):
         """When to check next whether known peers still live."""
         self._peers: dict[Hashable, Any] = {}
         """The server processes in use, by key."""
-
-    @abstractmethod
-    def enlist(self, link: ServingLink) -> str:
-        """Start to deliver requests to a link; returns the address for them."""
-
-    @abstractmethod
-    def delist(self, link: ServingLink) -> None:
-        """Stop to deliver requests to it."""
 
     @abstractmethod
     def look_soon(self) -> None:

@@ -18,8 +18,8 @@ from typing import NamedTuple
 from ..wire.header import random_id
 from .base import TransportConfig
 from .directory import Directory, runtime_dir
-from .directory_transport import DirectoryTransport
 from .leader_followers import Job, LeaderFollowers
+from .server import ServingTransport
 
 TICK = 0.1
 """Seconds between two looks at the directory and at what is due."""
@@ -31,7 +31,7 @@ class _Watched(NamedTuple):
     on_end: Callable[[], object]
 
 
-class PollingTransport(DirectoryTransport):
+class PollingTransport(ServingTransport):
     """`name` names its folder and its threads. A subclass calls `start` once it can take input."""
 
     name: str

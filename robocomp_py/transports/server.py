@@ -24,13 +24,25 @@ from .senders import From
 log = logging.getLogger("robocomp.transport")
 
 
-class ServingLink(DirectoryLink[DirectoryTransport], ABC):
+class ServingTransport(DirectoryTransport):
+    """A transport that delivers requests to links that serve."""
+
+    @abstractmethod
+    def enlist(self, link: ServingLink) -> str:
+        """Start to deliver requests to a link; returns the address for them."""
+
+    @abstractmethod
+    def delist(self, link: ServingLink) -> None:
+        """Stop to deliver requests to it."""
+
+
+class ServingLink(DirectoryLink[ServingTransport], ABC):
     ordered: bool
     address = ""
     """The address for its requests; "" until it is open."""
     _claim: Claim | None = None
 
-    def __init__(self, transport: DirectoryTransport, channel: Channel) -> None:
+    def __init__(self, transport: ServingTransport, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.ledger = Ledger(self.stats, ordered=self.ordered)
 
@@ -102,7 +114,7 @@ def dispatch(
 class CommandInlet(ServingLink):
     role, facing, ordered = "receives", "commands", True
 
-    def __init__(self, transport: DirectoryTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: ServingTransport, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self._lane = CommandLane(channel.name, sink, self.stats)
 
@@ -116,7 +128,7 @@ class CommandInlet(ServingLink):
 class Server(ServingLink):
     role, facing, ordered = "serves", "calls", False
 
-    def __init__(self, transport: DirectoryTransport, channel: Channel, service: Service) -> None:
+    def __init__(self, transport: ServingTransport, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._replies = Replies()

@@ -14,11 +14,10 @@ from ...wire.ice import Ice
 from .. import iceoptions
 from ..base import ANY_QOS, Capability, SupportsHost, TransportConfig
 from ..directory import Directory, runtime_dir
-from ..directory_transport import DirectoryTransport
 from ..leader_followers import Job, LeaderFollowers
 from ..link import Ends
 from ..memory import keep_memory
-from ..server import ServingLink
+from ..server import ServingLink, ServingTransport
 from .client import Caller, CommandOutlet, Peer
 from .library import communicator
 from .objects import Intake, Port, Take
@@ -33,7 +32,7 @@ TICK = 0.25
 """Seconds between two ticks."""
 
 
-class IceTransport(DirectoryTransport, SupportsHost):
+class IceTransport(ServingTransport, SupportsHost):
     """Options: see `iceoptions`. Messages larger than `message_size_max` are neither sent nor accepted."""
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)

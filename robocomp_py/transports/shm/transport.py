@@ -15,13 +15,13 @@ from ...wire.codec import Codec
 from ...wire.header import random_id
 from ..base import ANY_QOS, Capability, TransportConfig, options_of
 from ..directory import Directory, Member, runtime_dir
-from ..directory_transport import DirectoryTransport, Reached
+from ..directory_transport import Reached
 from ..exclusive import sweep
 from ..inotify import Watch
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
 from ..link import Ends
-from ..server import CommandInlet, Server, ServingLink
+from ..server import CommandInlet, Server, ServingLink, ServingTransport
 from .client import Caller, CommandOutlet, Peer
 from .codec import ApartCdr
 from .dispatcher import Dispatcher
@@ -39,7 +39,7 @@ BURYING = 0.5
 """Seconds after which the remains of dead processes are removed."""
 
 
-class ShmTransport(DirectoryTransport):
+class ShmTransport(ServingTransport):
     """Takes no options."""
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)

@@ -31,14 +31,13 @@ from ..base import (
     options_of,
 )
 from ..directory import LONGEST_SOCKET, Entry, Member, runtime_dir
-from ..directory_transport import DirectoryTransport
 from ..inotify import Watch
 from ..keyfiles import Rights
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
 from ..link import Ends, L
 from ..memory import keep_memory
-from ..server import CommandInlet, Server, ServingLink
+from ..server import CommandInlet, Server, ServingLink, ServingTransport
 from .bounds import Kind
 from .client import Caller, CommandOutlet, Peer
 from .curve import WATCHED, ZAP, Gate, Secure, configured, why_not
@@ -62,7 +61,7 @@ _MOMENT = 0.01
 """Seconds between two looks into a directory that keeps changing."""
 
 
-class ZeroMQTransport(DirectoryTransport):
+class ZeroMQTransport(ServingTransport):
     """Options:
 
     `bind`      TCP address at which other hosts also reach this transport, `tcp://127.0.0.1:5555`; topics get further
