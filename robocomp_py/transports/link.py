@@ -314,6 +314,11 @@ class BaseLink(SupportsConnected, Generic[T, P]):
 
     # What adapters use.
 
+    def lose(self) -> None:
+        """Mark this link as closed, in a forked process."""
+        self.closed = threading.Event()  # threads that are missing may hold the old one's lock
+        self.closed.set()
+
     @property
     def longest_pause(self) -> float:
         """Seconds between two looks for a peer that has not come for a while."""

@@ -66,9 +66,10 @@ from robocomp_py.transports.base import (
 )
 from robocomp_py.transports.dds import announcing as announcing_module
 from robocomp_py.transports.dds import client as client_module
+from robocomp_py.transports.dds import core as core_module
 from robocomp_py.transports.dds import endpoints as endpoints_module
 from robocomp_py.transports.dds import server as server_module
-from robocomp_py.transports.dds import transport as transport_module
+from robocomp_py.transports.dds.core import FIRST_USER, domain_of_user
 from robocomp_py.transports.dds.domain import (
     _keep_to_loopback,
     _udp_sockets,
@@ -77,9 +78,9 @@ from robocomp_py.transports.dds.domain import (
     note_on_sockets,
     settings,
 )
-from robocomp_py.transports.dds.link import KEEP_ALL, endpoint_qos
+from robocomp_py.transports.dds.qos import KEEP_ALL, endpoint_qos
 from robocomp_py.transports.dds.topics import BYTES_WAITING, MESSAGES_WAITING
-from robocomp_py.transports.dds.transport import FIRST_USER, DDSTransport, domain_of_user
+from robocomp_py.transports.dds.transport import DDSTransport
 from robocomp_py.transports.dds.types import (
     BEFORE_TAIL,
     CODEC,
@@ -1346,7 +1347,7 @@ def test_users_of_one_host_do_not_meet_unless_they_name_a_domain(monkeypatch: py
     """The second one serves what the first one serves, in a run-time folder of another name."""
     with contextlib.closing(DDSTransport(TransportConfig())) as first:
         first.server(query("a/b/ask"), lambda payload, expires: Reply(Status.OK, payload))
-        monkeypatch.setattr(transport_module, "domain_of_user", lambda _: domain_of_user(FIRST_USER + 7))
+        monkeypatch.setattr(core_module, "domain_of_user", lambda _: domain_of_user(FIRST_USER + 7))
         second = DDSTransport(TransportConfig())
         try:
             assert not second.caller(query("a/b/ask")).wait_peer(0.5)

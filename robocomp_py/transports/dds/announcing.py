@@ -12,7 +12,7 @@ from collections.abc import Hashable, Iterator
 
 from .bus import Bus, Writer
 from .endpoints import TOPIC, Said, announced_data
-from .link import KEEP_ALL, endpoint_qos
+from .qos import KEEP_ALL, endpoint_qos
 from .types import announcement_type
 
 NAME = f"{TOPIC}announcements"

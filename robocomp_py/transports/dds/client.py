@@ -43,7 +43,8 @@ from ..replies import Numbered
 from .bus import Reader
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import KEEP_ALL, Link, endpoint_qos, enter
+from .link import Link, enter
+from .qos import KEEP_ALL, endpoint_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -57,7 +58,7 @@ from .types import (
 )
 
 if TYPE_CHECKING:
-    from .transport import DDSTransport
+    from .core import DDSCore
 
 
 _FINE, _OK = Status.OK, int(Status.OK)
@@ -107,7 +108,7 @@ def client_of(partition: str) -> tuple[int, str]:
 class ClientLink(Link):
     """A link that finds the server of its channel."""
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
         self._fingerprint = channel.type.fingerprint
@@ -206,7 +207,7 @@ class ClientLink(Link):
 class CommandOutlet(ClientLink):
     role, facing = "commands", "receives"
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._order = threading.Lock()
         self._sent = 0
@@ -263,7 +264,7 @@ class Caller(ClientLink, SupportsQuestion):
 
     role, facing = "calls", "serves"
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._response = Message(channel.type.response)
         self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE

@@ -1,4 +1,4 @@
-"""The base class of the links, and the QoS of their DDS endpoints."""
+"""The base class of the links."""
 
 from __future__ import annotations
 
@@ -6,27 +6,23 @@ import contextlib
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from cyclonedds.core import Policy, Qos
+from cyclonedds.core import Policy
 
 from ...contract.interface import Pattern
-from ...contract.qos import History, Liveliness, QoS, traits
+from ...contract.qos import traits
 from ...wire.names import ANY
 from ..base import (
     Channel,
     about_to_block,
-    depth_of,
 )
 from ..directory import Entry
 from ..link import BaseLink
 from .endpoints import Endpoint, Said, user_data
-from .library import BLOCKING_MS
-from .limits import UNLIMITED, Limits
 
 if TYPE_CHECKING:
-    from .transport import DDSTransport
+    from .core import DDSCore
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -40,71 +36,10 @@ DISCOVERY_PAUSE = 0.02
 """Seconds between two checks while DDS has not finished connecting endpoints."""
 
 
-_RELIABLE = Policy.Reliability.Reliable(BLOCKING_MS * 1_000_000)
-
-
-def best_effort_qos(history: Any, *more: Any) -> Qos:
-    """QoS of a reader for best-effort writers."""
-    return endpoint_qos(history, *more, reliability=Policy.Reliability.BestEffort)
-
-
-def endpoint_qos(history: Any, *more: Any, reliability: Any = _RELIABLE) -> Qos:
-    """The QoS that all our endpoints share.
-
-    All are reliable on the wire, because a large sample may lose fragments even on one host. Samples are
-    ordered by their arrival, because clocks may be set back.
-    """
-    return Qos(
-        reliability,
-        history,
-        Policy.DestinationOrder.ByReceptionTimestamp,
-        Policy.DataRepresentation(use_cdrv0_representation=True),
-        *more,
-    )
-
-
-def topic_qos(channel: Channel, limits: Limits, *more: Any, common: Callable[..., Qos] = endpoint_qos) -> Qos:
-    qos = channel.qos
-    more = (*more, *_policies(qos, limits))
-    some = 8 if limits.room == UNLIMITED else min(8, limits.room)
-    newest = Policy.History.KeepLast(max(depth_of(qos), some))  # only until we take them
-    if not qos.latched:
-        return common(Policy.History.KeepAll if qos.reliable else newest, *more)
-    return common(
-        Policy.History.KeepAll if qos.reliable else newest,
-        Policy.Durability.TransientLocal,
-        Policy.DurabilityService(0, Policy.History.KeepLast(qos.depth), UNLIMITED, UNLIMITED, UNLIMITED),
-        *more,
-    )
-
-
-def _policies(qos: QoS, limits: Limits) -> Iterator[Any]:
-    """Our QoS settings as policies of DDS."""
-    if qos.history is History.KEEP_ALL:
-        limits = limits.keeping_all()
-    if limits != Limits():
-        yield Policy.ResourceLimits(*limits)
-    if qos.deadline is not None:
-        yield Policy.Deadline(_nanoseconds(qos.deadline))
-    if qos.lifespan is not None:
-        yield Policy.Lifespan(_nanoseconds(qos.lifespan))
-    manual = qos.liveliness is Liveliness.MANUAL_BY_TOPIC
-    if qos.lease is not None:
-        lives = Policy.Liveliness.ManualByTopic if manual else Policy.Liveliness.Automatic
-        yield lives(_nanoseconds(qos.lease))
-
-
-def _nanoseconds(seconds: float) -> int:
-    return max(1, round(seconds * 1e9))
-
-
-KEEP_ALL = Policy.History.KeepAll
-
-
-class Link(BaseLink["DDSTransport", Endpoint]):
+class Link(BaseLink["DDSCore", Endpoint]):
     """One end of a channel, announced by its reader or writer, which DDS discovers."""
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.bus = transport.bus
         self.id = transport.new_id()
@@ -116,7 +51,7 @@ class Link(BaseLink["DDSTransport", Endpoint]):
 
     def opened(self) -> None:
         if self.channel.pattern is Pattern.PUBLISH:
-            self._entry = self.transport.announce_here(self)
+            self._entry = self.transport.announce_here(self.role, self.channel, self.id)
         self.look()  # finds earlier peers; later ones are reported to all links
 
     def look(self) -> bool:
@@ -145,6 +80,7 @@ class Link(BaseLink["DDSTransport", Endpoint]):
         return set()
 
     def withdraw(self) -> None:
+        self.transport.drop_id(self.id)
         if self._entry:
             self.transport.withdraw_here(self._entry)
         with self._looking:  # wait for a running `look`, which may announce
@@ -152,11 +88,6 @@ class Link(BaseLink["DDSTransport", Endpoint]):
         with contextlib.ExitStack() as everything:
             for name in self._announced:
                 everything.callback(self.transport.announcing.remove, (self.id, name))
-
-    def lose(self) -> None:
-        """Mark this link as closed, in a forked process."""
-        self.closed = threading.Event()  # threads that are missing may hold the old one's lock
-        self.closed.set()
 
     def about(self, role: str = "", channel: str = "") -> Policy.Userdata:
         return user_data(self.said(role, channel))

@@ -38,7 +38,8 @@ from .bus import Reader, Writer
 from .client import client_of
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import DISCOVERY_PAUSE, INTAKE, KEEP_ALL, Link, endpoint_qos
+from .link import DISCOVERY_PAUSE, INTAKE, Link
+from .qos import KEEP_ALL, endpoint_qos
 from .types import (
     START,
     Message,
@@ -52,7 +53,7 @@ from .types import (
 )
 
 if TYPE_CHECKING:
-    from .transport import DDSTransport
+    from .core import DDSCore
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -85,7 +86,7 @@ class ServerLink(Link):
     ordered: bool
     claimed: Claim | None = None
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
         self._fingerprint = channel.type.fingerprint
@@ -181,7 +182,7 @@ class ServerLink(Link):
 class CommandInlet(ServerLink):
     role, facing, ordered = "receives", "commands", True
 
-    def __init__(self, transport: DDSTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self._lane = CommandLane(channel.name, sink, self.stats)
 
@@ -207,7 +208,7 @@ class Server(ServerLink):
 
     role, facing, ordered = "serves", "calls", False
 
-    def __init__(self, transport: DDSTransport, channel: Channel, service: Service) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self._servant = Servant(channel.name, service, self.stats)
         self._response = Message(channel.type.response)

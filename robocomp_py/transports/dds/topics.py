@@ -39,7 +39,8 @@ from ..reception import Reception
 from .bus import Reader, Writer
 from .endpoints import Endpoint
 from .library import LARGE
-from .link import DISCOVERY_PAUSE, INTAKE, KEEP_ALL, STRANGERS, Link, best_effort_qos, endpoint_qos, enter, topic_qos
+from .link import DISCOVERY_PAUSE, INTAKE, STRANGERS, Link, enter
+from .qos import KEEP_ALL, best_effort_qos, endpoint_qos, topic_qos
 from .types import (
     BEFORE_TAIL,
     START,
@@ -55,7 +56,7 @@ from .types import (
 )
 
 if TYPE_CHECKING:
-    from .transport import DDSTransport
+    from .core import DDSCore
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -80,7 +81,7 @@ _NO_DATA = bytes(64)
 class Publisher(Link, SupportsSubscribers):
     role, facing = "publishes", "subscribes"
 
-    def __init__(self, transport: DDSTransport, channel: Channel) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._message = Message(channel.type.request)
         self._fingerprint = channel.type.fingerprint
@@ -309,7 +310,7 @@ class Subscriber(Link, SupportsSources):
 
     role, facing = "subscribes", "publishes"
 
-    def __init__(self, transport: DDSTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: DDSCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self._reliable = channel.qos.reliable
         self._sink = sink
