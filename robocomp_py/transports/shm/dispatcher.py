@@ -6,25 +6,28 @@ import contextlib
 import logging
 import threading
 import time
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ...errors import Closed, DecodeError, TransportError
 from ...wire.header import NO_DEADLINE, Request, pack_reply, reply_at, request_at
 from ..base import Reply, Status
+from ..directory import Directory
 from ..leader_followers import Job
 from ..link import persist
 from ..server import dispatch
 from ..sparing import Sparing
 from ..turns import Turns
+from .node import Node
 from .queues import CONFIRM, WAKE_EARLY, InputQueue, Sender, packed, unpacked
-from .receipts import OPENED, Receipts
+from .receipts import Receipts
 from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
+    from ..client import CallingLink
     from ..server import ServingLink
-    from .client import Caller
-    from .transport import ShmTransport
 
 log = logging.getLogger("robocomp.transport.shm")
 
@@ -45,12 +48,23 @@ MOST = 4096
 class Dispatcher:
     """`open_next` is for one thread at a time; replies may come from any."""
 
-    def __init__(self, transport: ShmTransport, queue: InputQueue) -> None:
-        self._transport, self._queue = transport, queue
-        self._own, self._incarnation = packed(transport.member.id), transport.incarnation
+    def __init__(
+        self,
+        queue: InputQueue,
+        node: Node,
+        directory: Directory,
+        own: int,
+        incarnation: int,
+        receipts: Path,
+        do: Callable[[Job], object],
+    ) -> None:
+        """`own` is the key of this process, and `receipts` the file in which it shows what it has opened. `do` runs a
+        job on a thread that receives."""
+        self._queue, self._node, self._directory = queue, node, directory
+        self._own, self._incarnation, self._receipts_file, self._do = own, incarnation, receipts, do
         self.serving: dict[int, ServingLink] = {}
         """By the number in messages to them."""
-        self.callers: dict[int, Caller] = {}
+        self.callers: dict[int, CallingLink[Any, Any, Any]] = {}
         """By the client in replies to them."""
         self._turns: Turns[tuple[float, Message]] = Turns()
         """Messages that were read but not opened, and when they were read."""
@@ -113,7 +127,7 @@ class Dispatcher:
             size = size_of(payload)
             if not sender.send(0, 0, header, payload, size):
                 send = partial(sender.send, 0, 0, header, payload, size)
-                self._transport.do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
+                self._do(partial(self._insist, send, member, min(expires, time.monotonic() + INSISTING)))
         except TransportError as exc:
             if self._sparing.may_tell():
                 log.error("a reply could not be sent: %s", exc)
@@ -189,7 +203,7 @@ class Dispatcher:
 
     def _open_receipts(self) -> Receipts:
         if self._receipts is None:
-            self._receipts = Receipts(self._transport.receipts(self._transport.member.id, OPENED))
+            self._receipts = Receipts(self._receipts_file)
         return self._receipts
 
     def _accept(self, message: Message, read_at: float) -> Job | None:
@@ -219,9 +233,9 @@ class Dispatcher:
                 return None
             if (member, line) not in self._senders:
                 try:
-                    self._senders[member, line] = Sender(self._transport.node, self._own, unpacked(member), line)
+                    self._senders[member, line] = Sender(self._node, self._own, unpacked(member), line)
                 except TransportError:
-                    if self._transport.directory.alive(unpacked(member)):
+                    if self._directory.alive(unpacked(member)):
                         raise
                     return None
             return self._senders[member, line]
@@ -230,7 +244,7 @@ class Dispatcher:
         """Send a reply to a client that has no room for it now."""
 
         def still() -> None:
-            if not self._transport.directory.alive(unpacked(member)):
+            if not self._directory.alive(unpacked(member)):
                 raise Closed("the client has gone")
 
         try:

@@ -25,7 +25,7 @@ from .samples import HEAD_BYTES, Loaned, Message, Reader, Writer, size_of
 from .wakeup import LOOK, Waker, wakeup_of
 
 if TYPE_CHECKING:
-    from .transport import ShmTransport
+    from .core import ShmCore
 
 LEAST_AHEAD, MOST_AHEAD = 32, 256
 """The least and the most messages that may be on their way to a reader. Between these limits, it is the depth."""
@@ -54,7 +54,7 @@ PAUSE = 0.001
 """Seconds between two attempts to get memory when all of it is in use."""
 
 
-class Publisher(DirectoryLink["ShmTransport"], SupportsSubscribers, SupportsLoan):
+class Publisher(DirectoryLink["ShmCore"], SupportsSubscribers, SupportsLoan):
     role, facing = "publishes", "subscribes"
     _number = 0
     _writer: Writer | None = None
@@ -306,11 +306,11 @@ class _Loan:
         self._loaned = None
 
 
-class Subscriber(SubscribingLink["ShmTransport"]):
+class Subscriber(SubscribingLink["ShmCore"]):
     _number = 0
     _receipts: Receipts | None = None
 
-    def __init__(self, transport: ShmTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: ShmCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel, sink)
         self._heard: dict[tuple[str, str], _Heard] = {}
         self._looking = threading.RLock()
