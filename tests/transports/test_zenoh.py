@@ -51,7 +51,7 @@ from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.limits import MOST_AHEAD
 from robocomp_py.transports.zenoh.client import COMMANDS_AHEAD
-from robocomp_py.transports.zenoh.messages import Message
+from robocomp_py.transports.zenoh.messages import Message, put
 from robocomp_py.transports.zenoh.session import open_client, open_router
 from robocomp_py.transports.zenoh.topics import Subscriber
 from robocomp_py.transports.zenoh.transport import ZenohTransport
@@ -307,7 +307,7 @@ def test_garbage_between_calls_does_no_harm(transport: ZenohTransport, other: An
     assert caller.wait_peer(SOON)
     assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
     for line in transport.links_by_id:
-        other.put(address(line), None, b"noise")
+        put(other.session, address(line), None, b"noise")
     assert caller.ask(blob(transport, b"x"), SOON).status is Status.OK
     server.close()
 

@@ -38,7 +38,7 @@ from .messages import Destination, direct, octets
 from .table import Token
 
 if TYPE_CHECKING:
-    from .transport import ZenohTransport
+    from .core import ZenohCore
 
 
 COMMANDS_AHEAD = 64
@@ -58,7 +58,7 @@ def clock_flag(server: Token) -> int:
 class ClientLink(Link):
     """A link that finds the server of its channel."""
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._server: tuple[int, Token, Destination] | None = None
         self._destination_lock = threading.Lock()
@@ -75,7 +75,7 @@ class ClientLink(Link):
             key = self.address(token)
             with self._destination_lock, self.using_the_session():
                 found = self._server  # another thread may have made the destination
-                destination = found[2] if found and found[2].key == key else Destination(self.transport, key)
+                destination = found[2] if found and found[2].key == key else Destination(self.transport.session, key)
                 found = self._server = version, token, destination
         return found[1], found[2]
 
@@ -86,7 +86,7 @@ class ClientLink(Link):
 class CommandOutlet(ClientLink):
     role, facing = "commands", "receives"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._order = threading.Lock()
         self._credit = Credit(COMMANDS_AHEAD, self._reader)
@@ -196,7 +196,7 @@ class _SharedInbox(ReplyInbox):
 class Caller(ClientLink, SupportsQuestion):
     role, facing = "calls", "serves"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._flags = Flag.IDEMPOTENT if channel.idempotent else Flag.NONE
         self._lock = threading.Lock()

@@ -29,27 +29,20 @@ from .messages import BoundedQueue, Message, direct
 from .table import USING, Token, owned, same_transport
 
 if TYPE_CHECKING:
-    from .transport import ZenohTransport
+    from .core import ZenohCore
 
 log = logging.getLogger("robocomp.transport.zenoh")
-
-TICK = 0.1
-"""Seconds between two checks for slow sinks and for a router that has stopped."""
-
-IDLE_TICK = 0.5
-"""The same if there is nothing to check: no slow sink, and a router that outlives us. Deadlines are still kept."""
-
 
 INBOX = 10_000
 """Maximum number of messages that wait at one inlet; further ones are dropped."""
 
 
-class Link(BaseLink["ZenohTransport", Token]):
+class Link(BaseLink["ZenohCore", Token]):
     """One end of a channel: a liveliness token announces it, and the table lists its peers."""
 
     traits = "-"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self.id = transport.new_id()
         self.key = transport.key("rc", channel.name)
@@ -178,7 +171,7 @@ class Receiving(Link):
     lane: CommandLane
     _ledger: Ledger
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._inbox = BoundedQueue(INBOX)
         self._taking = threading.Lock()

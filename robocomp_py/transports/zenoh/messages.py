@@ -5,16 +5,12 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import zenoh
 
 from ...wire.codec import Payload
 from ..unsafe import keep_thread_state
-
-if TYPE_CHECKING:
-    from .transport import ZenohTransport
-
 
 BLOCK, DROP = zenoh.CongestionControl.BLOCK, zenoh.CongestionControl.DROP
 SMALL = 32 * 1024
@@ -47,20 +43,25 @@ class Message(NamedTuple):
     arrived: float = 0.0
 
 
+def put(session: zenoh.Session, key: str, header: bytes | None, payload: Payload) -> None:
+    """Send a message that must arrive; small ones overtake large ones. Raises ZError."""
+    priority = URGENT if len(payload) <= SMALL else DATA
+    session.put(key, payload, attachment=header, congestion_control=BLOCK, priority=priority, express=True)
+
+
 class Destination:
     """A link that gets many messages, which must arrive: a publisher declared once sends them."""
 
-    def __init__(self, transport: ZenohTransport, key: str) -> None:
-        self._transport, self.key = transport, key
-        declare = transport.session.declare_publisher
-        self._publisher = declare(key, congestion_control=BLOCK, priority=URGENT, express=True)
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._session, self.key = session, key
+        self._publisher = session.declare_publisher(key, congestion_control=BLOCK, priority=URGENT, express=True)
 
     def put(self, header: bytes, payload: Payload, *, in_order: bool = False) -> None:
         """Send; small messages overtake large ones unless `in_order`. Raises ZError."""
         if in_order or len(payload) <= SMALL:
             self._publisher.put(payload, attachment=header)
         else:
-            self._transport.put(self.key, header, payload)
+            put(self._session, self.key, header, payload)
 
 
 class BoundedQueue:
@@ -105,11 +106,11 @@ class QueryReplier:
 class MessageReplier:
     """Replies, by a message, to a request that came as a message."""
 
-    def __init__(self, transport: ZenohTransport, line: int) -> None:
-        self._transport, self._line = transport, line
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        self._session, self._key = session, key
 
     def reply(self, header: bytes, payload: Payload) -> None:
-        self._transport.put(self._transport.address("rc_to", self._line), header, payload or b"")
+        put(self._session, self._key, header, payload or b"")
 
     def close(self) -> None: ...
 

@@ -39,7 +39,7 @@ from .link import INBOX, Link, Receiving
 from .messages import Message, MessageReplier, QueryReplier, direct, octets
 
 if TYPE_CHECKING:
-    from .transport import ZenohTransport
+    from .core import ZenohCore
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -53,7 +53,7 @@ _SILENCE = Reply(Status.OK)
 class CommandInlet(Receiving):
     role, facing = "receives", "commands"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         self.traits = clock()
         self._ledger = Ledger(self.stats, ordered=True)
@@ -81,7 +81,7 @@ class CommandInlet(Receiving):
 class Server(Link):
     role, facing = "serves", "calls"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel, service: Service) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel, service: Service) -> None:
         super().__init__(transport, channel)
         self.traits = clock()
         self._servant = Servant(channel.name, service, self.stats)
@@ -131,7 +131,7 @@ class Server(Link):
             if query:
                 query.close()
             return
-        replier = query or MessageReplier(self.transport, request.client)
+        replier = query or MessageReplier(self.transport.session, self.transport.address("rc_to", request.client))
         expires = _expires(request, arrived)
         refusal = self._admit(request, replier, expires)
         if refusal is None:

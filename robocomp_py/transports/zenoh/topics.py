@@ -35,13 +35,14 @@ from ..credit import Credit
 from ..ledger import Ledger
 from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS
 from ..reception import HISTORY_TRIES, Reception
-from .link import INBOX, TICK, Link
+from .core import TICK
+from .link import INBOX, Link
 from .messages import BLOCK, DROP, Message
 from .reader import Reader
 from .table import Token
 
 if TYPE_CHECKING:
-    from .transport import ZenohTransport
+    from .core import ZenohCore
 
 
 log = logging.getLogger("robocomp.transport.zenoh")
@@ -65,7 +66,7 @@ _REFUSED = zenoh.ZError, RuntimeError
 class Publisher(Link, SupportsSubscribers):
     role, facing = "publishes", "subscribes"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
         lossless = qos.reliable
@@ -169,7 +170,7 @@ class Publisher(Link, SupportsSubscribers):
 class Subscriber(Link, SupportsSources):
     role, facing = "subscribes", "publishes"
 
-    def __init__(self, transport: ZenohTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: ZenohCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
         self._lossless = qos.reliable
