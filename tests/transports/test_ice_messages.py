@@ -143,9 +143,10 @@ def test_requests_beyond_the_queue_are_refused() -> None:
 def test_requests_that_were_read_and_wait_are_bounded_for_all_servers_of_a_transport_together(
     bound: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from robocomp_py.transports.ice import served as requests
     from robocomp_py.transports.ice import server
 
-    monkeypatch.setattr(server, bound, 3)
+    monkeypatch.setattr(requests, bound, 3)
     served: list[Any] = []
     answers: list[Status] = []
     later: list[Job] = []
@@ -154,7 +155,7 @@ def test_requests_that_were_read_and_wait_are_bounded_for_all_servers_of_a_trans
         served.append(payload)
         return Reply(Status.OK, b"")
 
-    transport = SimpleNamespace(requests=server.RequestQueue(later.append))
+    transport = SimpleNamespace(requests=requests.RequestQueue(later.append))
     servers = [
         server.Server(transport, Channel(f"a/A/{name}", Pattern.QUERY, TypeRef(f"A.{name}", 1, f"A.{name}")), service)
         for name in "ab"

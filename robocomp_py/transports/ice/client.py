@@ -1,18 +1,16 @@
-"""The client's links, a command outlet and a caller, and the objects that they invoke."""
+"""The client's links: a command outlet and a caller."""
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import logging
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from concurrent.futures import Future
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ...errors import (
-    ConfigurationError,
     DecodeError,
     Refused,
     Timeout,
@@ -28,17 +26,13 @@ from ..directory import Entry, Member
 from ..leader_followers import STUCK
 from ..link import accepted
 from .library import (
-    CONNECTING_MS,
-    FORCEFULLY,
     IDEMPOTENT,
     NORMAL,
     SLICE,
     InvocationTimeout,
     LocalException,
-    NoSuchHost,
     NotServed,
     Unknown,
-    as_transport_error,
     error,
     gone,
     kind_of,
@@ -46,23 +40,18 @@ from .library import (
     why,
 )
 from .messages import RC, RC_MAX, failure_told, reply_of, request_head
+from .peer import Connection, Peer
 
 if TYPE_CHECKING:
-    from .transport import IceTransport
+    from .core import IceCore
 
 log = logging.getLogger("robocomp.transport.ice")
-
-IDLE_CONNECTIONS = 8
-"""Maximum number of idle connections to one object that are kept for later calls."""
 
 _PING_PAUSE = 0.2
 """Seconds between two pings of a configured object."""
 
 _PING_TIMEOUT = 1.0
 """Seconds to wait for the answer to a ping."""
-
-_MOST_PROXIES = 64
-"""Maximum number of cached proxies that differ only in their timeout."""
 
 _DEFAULT_LIMIT = 1024 * 1024
 """Ice's default for the maximum size of a message, in bytes."""
@@ -71,150 +60,13 @@ _SHORTLY = 0.002
 """Seconds between two attempts to end blocking calls."""
 
 _numbers = itertools.count(1)
-"""Numbers for proxies, which get different connections by them, and for calls."""
+"""Numbers for calls."""
 
 
-class Connection:
-    """A connection to an object, with one proxy for each timeout."""
-
-    def __init__(self, proxy: Any) -> None:
-        self._proxy = proxy.ice_connectionId(f"rc{next(_numbers)}")
-        self._within: dict[int, Any] = {}
-        self.connected = False
-        """Whether a connection was ever established."""
-        self.begun, self.heard = time.monotonic(), 0.0
-        """When it was made, and when the last reply to an asynchronous call came."""
-
-    def within(self, seconds: float) -> Any:
-        """A proxy with this timeout for its invocations."""
-        ms = max(1, int(seconds * 1000) + 1)
-        proxy = self._within.get(ms)
-        if proxy is None:
-            if len(self._within) >= _MOST_PROXIES:
-                self._within.clear()
-            proxy = self._within[ms] = self._proxy.ice_invocationTimeout(ms)
-        return proxy
-
-    def connect(self, wait: Callable[[], object], seconds: float) -> None:
-        """Connect; calls `wait` repeatedly, which may raise. Raises Ice's exceptions."""
-        invocation = self.within(seconds).ice_getConnectionAsync()
-        wait_for(invocation, wait)
-        invocation.result()
-        self.connected = True
-
-    def close(self) -> None:
-        """Close; calls that wait on it get an exception of Ice."""
-        for proxy in list(self._within.values()):  # all of them use the same connection
-            with contextlib.suppress(LocalException):
-                connection = proxy.ice_getCachedConnection()
-                if connection:
-                    connection.close(FORCEFULLY)
-
-
-class Peer:
-    """An object to invoke: a shared connection for asynchronous calls, and connections for blocking ones."""
-
-    def __init__(self, transport: IceTransport, member_id: str, address: str) -> None:
-        """`address` is its proxy, preceded by its maximum size of a message, if that is known."""
-        self.id, self.address, self._transport = member_id, address, transport
-        self.key = member_id, address
-        limit, _, named = address.partition(" ")
-        known = limit.isdecimal()
-        self.named = named if known else address
-        self.limit = min(int(limit), transport.limit) if known else transport.limit
-        self.flags = Flag.NONE
-        """Flags of all requests to it."""
-        self.closed = False
-        self._told = ""
-        with as_transport_error(f"the proxy {self.named!r}"):
-            self._proxy = transport.communicator.stringToProxy(self.named)
-        if self._proxy is None:
-            raise ConfigurationError(f"the proxy {self.named!r} names no object")
-        self._proxy = self._proxy.ice_twoway()
-        self.identity: str = self._proxy.ice_getIdentity().name
-        self.shared, self.oneway = Connection(self._proxy), Connection(self._proxy.ice_oneway())
-        self._idle: list[Connection] = []
-
-    def alive(self) -> bool:
-        return not self.closed and (not self.id or self._transport.directory.alive(self.id))
-
-    def take(self, wait: Callable[[], object], seconds: float) -> Connection:
-        """A connection for the calling thread only, which must `give` it back or close it."""
-        try:
-            connection = self._idle.pop()
-        except IndexError:
-            connection = Connection(self._proxy)
-        if not connection.connected:
-            try:
-                connection.connect(wait, seconds)
-            except InvocationTimeout:  # Ice goes on connecting: the next call waits for that
-                self.give(connection)
-                raise
-        return connection
-
-    def give(self, connection: Connection) -> None:
-        if len(self._idle) < IDLE_CONNECTIONS:
-            self._idle.append(connection)
-        else:
-            connection.close()
-        if self.closed:
-            self._close_idle()
-
-    def replace_if_silent(self, connection: Connection, since: float) -> None:
-        """Replace the shared connection after a timeout, if nothing has come since the call began.
-
-        A host that was switched off does not close its connections. Earlier calls may still get replies by the old
-        one. A connection that never had a reply may still be connecting, so it is kept for a while.
-        """
-        if self.shared is not connection or connection.heard >= since:
-            return
-        if connection.heard or time.monotonic() - connection.begun >= CONNECTING_MS / 1000:
-            self.shared = Connection(self._proxy)
-
-    def is_there(self, wait: Callable[[], object], seconds: float) -> bool:
-        """Ping the object."""
-        connection, begun = self.shared, time.monotonic()
-        invocation = connection.within(seconds).ice_pingAsync()
-        try:
-            wait_for(invocation, wait)
-            invocation.result()
-        except InvocationTimeout:
-            self.replace_if_silent(connection, begun)
-            return False
-        except LocalException as exc:
-            self._log_reason(exc)
-            return False
-        return True
-
-    def _log_reason(self, exc: Any) -> None:
-        """Log, once, that a name is probably wrong."""
-        if isinstance(exc, NotServed):
-            reason = f"the program there has no object `{self.identity}`"
-        elif isinstance(exc, NoSuchHost):
-            reason = why(exc)
-        else:
-            return
-        if reason != self._told:
-            self._told = reason
-            log.warning("%s: %s; waiting for it", self.named, reason)
-
-    def close(self) -> None:
-        self.closed = True
-        self.shared.close()
-        self.oneway.close()
-        self._close_idle()
-
-    def _close_idle(self) -> None:
-        """Another thread may give back a connection, or close some, meanwhile."""
-        with contextlib.suppress(IndexError):
-            while True:
-                self._idle.pop().close()
-
-
-class ClientLink(FindingLink["IceTransport", Peer, str]):
+class ClientLink(FindingLink["IceCore", Peer, str]):
     _flags = Flag.NONE
 
-    def __init__(self, transport: IceTransport, channel: Channel) -> None:
+    def __init__(self, transport: IceCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._operation = iceoptions.operation_of(channel.name)
         self._mode = IDEMPOTENT if channel.idempotent else NORMAL
@@ -315,7 +167,7 @@ class ClientLink(FindingLink["IceTransport", Peer, str]):
         return accepted(self.channel, reply)
 
 
-class CommandOutlet(CommandingLink["IceTransport", Peer, str], ClientLink):
+class CommandOutlet(CommandingLink["IceCore", Peer, str], ClientLink):
     _flags = Flag.ONEWAY
 
     def command(self, peer: Peer, where: str, payload: Payload, end: float, deadline: float) -> None:
@@ -338,8 +190,8 @@ class CommandOutlet(CommandingLink["IceTransport", Peer, str], ClientLink):
             raise
 
 
-class Caller(CallingLink["IceTransport", Peer, str], ClientLink):
-    def __init__(self, transport: IceTransport, channel: Channel) -> None:
+class Caller(CallingLink["IceCore", Peer, str], ClientLink):
+    def __init__(self, transport: IceCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         self._waiting_on: set[Connection] = set()
         """The connections on which blocking calls wait."""

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ...errors import Closed, ConfigurationError, TransportError
 from ...threads import NO_THREAD, start_thread
@@ -25,7 +25,10 @@ from . import library
 from .storm import INSTALL, Place
 
 if TYPE_CHECKING:
-    from .transport import IceTransport
+    from ..directory import Membership
+    from ..iceoptions import IceOptions
+    from ..leader_followers import Job
+    from .objects import Port, Take
 
 log = logging.getLogger("robocomp.transport.ice")
 
@@ -88,10 +91,29 @@ class Topic:
     users: int = 0
 
 
+class Surroundings(Protocol):
+    """What topics need of their transport; see `core.IceCore`."""
+
+    owner: str
+    options: IceOptions
+    limit: int
+    communicator: Any
+    member: Membership
+
+    @property
+    def wanted(self) -> Callable[[], bool]:
+        """Returns False when opening the transport should be given up."""
+        ...
+
+    def do(self, job: Job) -> None: ...
+
+    def port(self, identity: str, endpoints: str, take: Take) -> Port: ...
+
+
 class StormClient:
     """Connects when the first topic is used. Safe to use from any thread."""
 
-    def __init__(self, transport: IceTransport) -> None:
+    def __init__(self, transport: Surroundings) -> None:
         self._transport = transport
         self._topics: dict[str, Topic] = {}
         self._lock = threading.RLock()

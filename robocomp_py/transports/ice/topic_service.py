@@ -13,21 +13,19 @@ import struct
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from ...wire.codec import MAX_BYTES
+from ...wire.codec import MAX_BYTES, Payload
 from ...wire.header import PUBLICATION_BYTES, VERSION, publication_fields
 from ...wire.names import ANY, matches
-from ..base import Reply, Status, about_to_block
+from ..base import Channel, Reply, Status, about_to_block
 from ..leader_followers import Job
 from . import library
 from .messages import NOTHING, RC
-from .storm_client import OURS, StormClient, Subscription, Topic
+from .storm_client import OURS, StormClient, Subscription, Surroundings, Topic
 
 if TYPE_CHECKING:
     from .objects import Invocation
-    from .topics import Publisher, Subscriber
-    from .transport import IceTransport
 
 log = logging.getLogger("robocomp.transport.ice")
 
@@ -53,13 +51,43 @@ class Header(NamedTuple):
     channel: str
 
 
+class Publishing(Protocol):
+    """A publisher, as subscribers reach it; see `topics.Publisher`."""
+
+    def took(self, reader: int, sequence: int) -> None:
+        """That subscriber took the messages up to that number."""
+
+    def history(self) -> list[tuple[bytes, bytes]]:
+        """Its latched messages, each with its header."""
+        ...
+
+
+class Hearing(Protocol):
+    """A subscriber; see `topics.Subscriber`."""
+
+    channel: Channel
+    operation: str
+
+    @property
+    def lossless(self) -> bool: ...
+
+    def hear(self, header: Header | None, payload: Payload) -> Job | None:
+        """Take a message; returns the job that remains. Foreign publishers send no header."""
+        ...
+
+    def announce_again(self) -> None:
+        """The subscription was made again, so that messages in transit may be lost."""
+
+    def malformed(self, why: object) -> None: ...
+
+
 class SharedSubscription:
     """One IceStorm subscription for all links of a transport with the same topic, order and endpoints."""
 
     def __init__(self, service: TopicService, key: _Key, topic: Topic) -> None:
         self._service, self._key, self.topic = service, key, topic
-        self._links: tuple[Subscriber, ...] = ()
-        self._for: dict[tuple[str, str], tuple[Subscriber, ...]] = {}
+        self._links: tuple[Hearing, ...] = ()
+        self._for: dict[tuple[str, str], tuple[Hearing, ...]] = {}
         """Cache: the links for an operation and channel; the channel is "" for foreign publishers."""
         transport = service.transport
         self._port = transport.port(service.name(OURS), key.endpoints, self._take)
@@ -79,14 +107,14 @@ class SharedSubscription:
         """Wait until IceStorm has made the subscription. Raises TransportError if IceStorm does not answer."""
         self._service.storm_client.subscribed(self._subscription)
 
-    def add(self, link: Subscriber) -> None:
+    def add(self, link: Hearing) -> None:
         self._links = (*self._links, link)
         self._for = {}
 
-    def leave(self, link: Subscriber) -> None:
+    def leave(self, link: Hearing) -> None:
         self._service.leave(self, self._key, link)
 
-    def remove(self, link: Subscriber) -> None:
+    def remove(self, link: Hearing) -> None:
         self._links = tuple(each for each in self._links if each is not link)
         self._for = {}
 
@@ -117,7 +145,7 @@ class SharedSubscription:
                     jobs.append(job)
         return jobs
 
-    def _links_for(self, operation: str, channel: str) -> tuple[Subscriber, ...]:
+    def _links_for(self, operation: str, channel: str) -> tuple[Hearing, ...]:
         known = self._for.get((operation, channel))
         if known is None:
             if len(self._for) >= _MOST_NAMES:
@@ -162,10 +190,10 @@ class TopicService:
     Both messages are little-endian, each in an encapsulation.
     """
 
-    def __init__(self, transport: IceTransport) -> None:
+    def __init__(self, transport: Surroundings) -> None:
         self.transport = transport
         self.storm_client = StormClient(transport)
-        self.publishers: dict[int, Publisher] = {}
+        self.publishers: dict[int, Publishing] = {}
         self._lock = threading.RLock()
         self._subscriptions: dict[_Key, SharedSubscription] = {}
         self._names = 0
@@ -180,7 +208,7 @@ class TopicService:
             proxy: str = self._port.proxy
             return proxy
 
-    def hear(self, link: Subscriber) -> SharedSubscription:
+    def hear(self, link: Hearing) -> SharedSubscription:
         """Subscribe a link to its topic. Raises TransportError if IceStorm does not answer."""
         options = self.transport.options
         endpoints = options.subscriber_endpoint_of(link.channel.name) or ""
@@ -199,7 +227,7 @@ class TopicService:
             raise
         return subscription
 
-    def leave(self, subscription: SharedSubscription, key: _Key, link: Subscriber) -> None:
+    def leave(self, subscription: SharedSubscription, key: _Key, link: Hearing) -> None:
         with self._lock:
             subscription.remove(link)
             if not subscription.idle or self._subscriptions.get(key) is not subscription:

@@ -34,7 +34,7 @@ from .storm_client import Topic
 from .topic_service import RC_CHANNEL, Header, SharedSubscription
 
 if TYPE_CHECKING:
-    from .transport import IceTransport
+    from .core import IceCore
 
 log = logging.getLogger("robocomp.transport.ice")
 
@@ -54,11 +54,11 @@ _READERS = 0.02
 """Seconds for which the list of reliable readers is cached."""
 
 
-class Publisher(DirectoryLink["IceTransport"]):
+class Publisher(DirectoryLink["IceCore"]):
     role, facing = "publishes", "subscribes"
     _topic: Topic | None = None
 
-    def __init__(self, transport: IceTransport, channel: Channel) -> None:
+    def __init__(self, transport: IceCore, channel: Channel) -> None:
         super().__init__(transport, channel)
         qos = channel.qos
         self.id = random_id()
@@ -207,10 +207,10 @@ class Publisher(DirectoryLink["IceTransport"]):
                 yield told[0], epoch << 32 | told[1]
 
 
-class Subscriber(SubscribingLink["IceTransport"]):
+class Subscriber(SubscribingLink["IceCore"]):
     _hearing: SharedSubscription | None = None
 
-    def __init__(self, transport: IceTransport, channel: Channel, sink: Sink) -> None:
+    def __init__(self, transport: IceCore, channel: Channel, sink: Sink) -> None:
         self._sink = sink
         super().__init__(transport, channel, sink)
         self.id = random_id()
