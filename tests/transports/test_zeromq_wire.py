@@ -378,7 +378,7 @@ def test_whatever_fails_in_closing_everything_is_closed(monkeypatch: pytest.Monk
         transport.close()
     assert first.closed.is_set()
     assert set(threading.enumerate()) <= before  # others may end
-    assert transport.context.closed
+    assert transport.reactor.context.closed
 
 
 def test_what_was_published_before_a_publisher_left_is_heard(transport: ZeroMQTransport) -> None:

@@ -17,7 +17,7 @@ from robocomp_py.contract.types import FLOAT64, UINT8, Field, Sequence, Struct
 from robocomp_py.testing.conformance import query, topic
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, SupportsSubscribers, TransportConfig
-from robocomp_py.transports.zeromq import client
+from robocomp_py.transports.zeromq import peer
 from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
@@ -346,6 +346,6 @@ def test_a_slow_greeting_that_the_server_rejected_is_repeated(
             raise Gone("it has closed the connection")
         return Stream(path, wait)
 
-    monkeypatch.setattr(client, "Stream", greet)
+    monkeypatch.setattr(peer, "Stream", greet)
     assert caller.ask([b"?"], SOON).status is Status.OK
     assert len(greeted) == 2

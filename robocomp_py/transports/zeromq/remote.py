@@ -40,7 +40,7 @@ from .sockets import Socket, as_transport_error, new_socket, receive_frames, sen
 from .zmtp import SLICE_MS, Wait
 
 if TYPE_CHECKING:
-    from .transport import ZeroMQTransport
+    from .reactor import Reactor
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -267,10 +267,21 @@ def _reached(entry: Entry, at: str) -> Entry | None:
 class Inquirer:
     """Requests the record of the transport at one address."""
 
-    def __init__(self, transport: ZeroMQTransport, name: str, address: str) -> None:
+    def __init__(
+        self,
+        reactor: Reactor,
+        directory: Neighbours,
+        owner: str,
+        name: str,
+        address: str,
+        secure: tuple[Secure | None, Rights],
+        record: Callable[[Rights], bytes],
+    ) -> None:
+        """`name` is ours for that transport. `secure` tells how to secure the connection, and what the transport has a
+        right to. `record` returns our own record with the entries of which others have a right to know."""
         self.name, self.address = name, address
-        self._transport = transport
-        self.secure, self._rights = transport.secure_for(name)
+        self._reactor, self._directory, self._owner, self._record = reactor, directory, owner or "zeromq", record
+        self.secure, self._rights = secure
         self._client, self._sequence = random_id(), 0
         self._asked = self._answered = time.monotonic() - _USUAL
         self._told = ""
@@ -278,8 +289,8 @@ class Inquirer:
         self._id = ""
         self._why = _NO_REPLY
         options = to_far(address) | {"SNDHWM": 4, "RCVHWM": 16, "RECONNECT_IVL_MAX": 0}
-        self._socket = transport.socket(zmq.DEALER, self._on_answer, self.secure, **options)
-        transport.watch(self._socket, told=self._on_event)
+        self._socket = reactor.socket(zmq.DEALER, self._on_answer, self.secure, **options)
+        reactor.watch(self._socket, told=self._on_event)
         with as_transport_error(f"connecting to {address}"), self._socket.lock:
             self._socket.raw.connect(address)
 
@@ -299,7 +310,7 @@ class Inquirer:
         untold = self._told in ("", _NO_REPLY, _NO_MORE) and why != self._told  # it may become known later
         if untold and now - self._answered > _UNANSWERED:
             self._told = why
-            self._transport.do(self._tell)  # on another thread, since it may take a while
+            self._reactor.do(self._tell)  # on another thread, since it may take a while
         return wait
 
     def _tell(self) -> None:
@@ -309,7 +320,7 @@ class Inquirer:
         if self.secure is None and self._why in (_NO_REPLY, _NO_MORE) and mechanism_at(self.address) == b"CURVE":
             self._why = _NEEDS_KEYS
         self._told = why = self._why
-        log.warning("%s: %s at %s (%s)", self._transport.owner or "zeromq", why, self.address, self.name)
+        log.warning("%s: %s at %s (%s)", self._owner, why, self.address, self.name)
 
     def ask_now(self) -> None:
         """Send a request at the next tick, since our record has changed."""
@@ -319,7 +330,7 @@ class Inquirer:
         self._asked = time.monotonic()
         self._sequence += 1
         header = pack_request(Flag.IDEMPOTENT, 0, self._client, self._sequence, SILENT)
-        self._socket.send(joined(DIRECTORY + header, [self._transport.record(self._rights)]))
+        self._socket.send(joined(DIRECTORY + header, [self._record(self._rights)]))
 
     def _on_answer(self, socket: Socket) -> list[Job]:
         while (frames := socket.receive()) is not None:
@@ -333,13 +344,13 @@ class Inquirer:
                 continue
             self._answered = time.monotonic()
             if self._told:
-                log.info("%s: %s answers again", self._transport.owner or "zeromq", self.name)
+                log.info("%s: %s answers again", self._owner, self.name)
             self._told, self._why = "", _NO_MORE
             if self._id != member.id:  # it was started again
-                self._transport.directory.lose(partial(_is, self._id))
+                self._directory.lose(partial(_is, self._id))
                 self._id = member.id
-            if self._transport.directory.hear(member):
-                self._transport.within(0.0)
+            if self._directory.hear(member):
+                self._reactor.within(0.0)
         return []
 
     def _on_event(self, event: list[bytes]) -> None:
@@ -377,10 +388,10 @@ def _is(member_id: str, member: Member) -> bool:
 class FarStream:
     """The counterpart of `zmtp.Stream` for TCP: a connection for one thread. It reconnects by itself."""
 
-    def __init__(self, transport: ZeroMQTransport, address: str, secure: Secure | None) -> None:
-        assert transport.guard  # of every transport that connects
-        self._guard = transport.guard
-        self._socket = new_socket(transport.context, zmq.DEALER, secure, **(to_far(address) | {"LINGER": 0}))
+    def __init__(self, reactor: Reactor, address: str, secure: Secure | None) -> None:
+        assert reactor.guard  # of every transport that connects
+        self._guard = reactor.guard
+        self._socket = new_socket(reactor.context, zmq.DEALER, secure, **(to_far(address) | {"LINGER": 0}))
         with contextlib.ExitStack() as undo:
             undo.callback(self._socket.close)
             self._watched = self._guard.watch(self._socket, Kind.MESSAGES)
@@ -420,12 +431,12 @@ class FarFeed:
     """The counterpart of `zmtp.Feed` for TCP: a subscription, which never waits."""
 
     def __init__(
-        self, transport: ZeroMQTransport, address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
+        self, reactor: Reactor, address: str, topics: Iterable[bytes], secure: Secure | None, depth: int
     ) -> None:
-        assert transport.guard  # of every transport that connects
-        self.more, self._guard = False, transport.guard
+        assert reactor.guard  # of every transport that connects
+        self.more, self._guard = False, reactor.guard
         options = to_far(address) | {"LINGER": 0, "RCVHWM": depth}
-        self._socket = new_socket(transport.context, zmq.SUB, secure, **options)
+        self._socket = new_socket(reactor.context, zmq.SUB, secure, **options)
         with contextlib.ExitStack() as undo:
             undo.callback(self._socket.close)
             self._watched = self._guard.watch(self._socket, Kind.MESSAGES, queue=depth)

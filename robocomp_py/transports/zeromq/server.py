@@ -35,8 +35,7 @@ from .remote import DIRECTORY, SILENT, at_far
 from .sockets import as_transport_error, lend_frames, new_socket, receive_frames, receive_watched
 
 if TYPE_CHECKING:
-    from .guard import Guard
-    from .transport import ZeroMQTransport
+    from .reactor import Reactor
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -61,16 +60,18 @@ class Router:
 
     def __init__(
         self,
-        transport: ZeroMQTransport,
+        reactor: Reactor,
+        incarnation: int,
         addresses: Sequence[str],
+        refused: Callable[[list[bytes]], object],
         secure: Secure | None = None,
         introduce: Callable[[bytes, str], bytes] | None = None,
         gate: Gate | None = None,
-        guard: Guard | None = None,
     ) -> None:
-        """`introduce` answers requests for the directory; `gate` knows the rights of each client. `guard` watches the
-        connections of other hosts."""
-        self._transport, self._introduce, self._gate, self._guard = transport, introduce, gate, guard
+        """`introduce` answers requests of other hosts for the directory. `gate` knows the rights of each client, and
+        `refused` gets the events of connections that were not let in."""
+        self._incarnation, self._introduce, self._gate = incarnation, introduce, gate
+        self._guard = guard = reactor.guard if introduce else None
         self._routes: dict[bytes, ServingLink] = {}
         self._inside = threading.Lock()
         """Held by the thread that uses the socket, also while it waits there."""
@@ -90,18 +91,16 @@ class Router:
         wakeup = f"inproc://wake-up of {self.address}"
         with contextlib.ExitStack() as undo:
             options = {"ROUTER_MANDATORY": 1, "RCVTIMEO": _LOOK_MS} | (at_far(addresses[0]) if introduce else {})
-            self._socket = new_socket(transport.context, zmq.ROUTER, secure, **options)
+            self._socket = new_socket(reactor.context, zmq.ROUTER, secure, **options)
             undo.callback(self._socket.close)
             self._watched = None
             if guard:
-                self._watched = guard.watch(
-                    self._socket, Kind.MESSAGES, told=transport.tell, also=WATCHED if gate else 0
-                )
+                self._watched = guard.watch(self._socket, Kind.MESSAGES, told=refused, also=WATCHED if gate else 0)
                 undo.callback(guard.forget, self._watched)
             for address in (*addresses, wakeup):
                 with as_transport_error(f"binding {address}"):
                     self._socket.bind(address)
-            self._waker = new_socket(transport.context, zmq.DEALER, LINGER=0)
+            self._waker = new_socket(reactor.context, zmq.DEALER, LINGER=0)
             undo.callback(self._waker.close)
             with as_transport_error("opening a socket"):
                 self._waker.connect(wakeup)
@@ -129,7 +128,7 @@ class Router:
             self._waker.close()
 
     def reply(self, identity: bytes, request: Request, reply: Reply) -> None:
-        header = pack_reply(reply.status, request.client, request.sequence, self._transport.incarnation)
+        header = pack_reply(reply.status, request.client, request.sequence, self._incarnation)
         payload = reply.payload if isinstance(reply.payload, list) else [reply.payload] if reply.payload else []
         frames = [identity, *joined(header, payload)]
         if self._inside.acquire(blocking=False):

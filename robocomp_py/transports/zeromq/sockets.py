@@ -23,11 +23,10 @@ from ..leader_followers import Job
 from ..unsafe import keep
 from .curve import Secure
 from .frames import Frames
-from .zmtp import Feed, Gone
+from .zmtp import Gone
 
 if TYPE_CHECKING:
     from .guard import Watched
-    from .remote import FarFeed
 
 log = logging.getLogger("robocomp.transport.zeromq")
 
@@ -240,10 +239,26 @@ class Socket:
                 self.raw.close()
 
 
+class Feeding(Protocol):
+    """Receives the messages of a publisher without waiting: `zmtp.Feed` on this host, `remote.FarFeed` by TCP."""
+
+    def fileno(self) -> int: ...
+
+    def receive(self) -> Frames:
+        """Raises BlockingIOError if there is nothing, and may raise Gone."""
+        ...
+
+    def receive_whole(self, messages: list[Frames], most: int) -> bool:
+        """Add messages that have been read already, up to `most`; whether there may be more."""
+        ...
+
+    def close(self) -> None: ...
+
+
 class Subscription:
     """A feed that the loop handles like a socket. A thread may close it while another one receives."""
 
-    def __init__(self, feed: Feed | FarFeed, on_input: Callable[[Subscription], list[Job]]) -> None:
+    def __init__(self, feed: Feeding, on_input: Callable[[Subscription], list[Job]]) -> None:
         self.lock = threading.RLock()
         self.fileno = feed.fileno()
         self.closed = False

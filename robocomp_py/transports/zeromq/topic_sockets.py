@@ -33,7 +33,8 @@ from .frames import OWN_TOPIC_BYTES, is_welcome
 from .sockets import Socket, as_transport_error
 
 if TYPE_CHECKING:
-    from .transport import ZeroMQTransport
+    from ..directory import Membership
+    from .reactor import Reactor
 
 _MOST_WELCOMED = 10_000
 """Maximum number of connected subscribers of a topic that a publisher remembers."""
@@ -60,7 +61,7 @@ class TopicSocket:
 
     def __init__(
         self,
-        transport: ZeroMQTransport,
+        reactor: Reactor,
         open_socket: Open,
         topics: Iterable[bytes] = (),
         on_latecomer: Latecomer | None = None,
@@ -71,24 +72,24 @@ class TopicSocket:
         """Those of them that have a subscriber."""
         self.welcomed: set[bytes] = set()
         """The welcome topics of connected subscribers: they subscribe to them to learn that they are connected."""
-        self._transport, self._on_latecomer = transport, on_latecomer
+        self._reactor, self._on_latecomer = reactor, on_latecomer
         self.socket = open_socket(self._on_subscription)
 
     def count(self) -> None:
         """Handle subscriptions now, even if none was reported."""
         if self.take_subscriptions():
-            self._transport.attend(self.socket)
+            self._reactor.attend(self.socket)
 
     def take_subscriptions(self) -> bool:
         """Handle some subscriptions; whether there may be more."""
         return self._take(self.socket)
 
     def close(self) -> None:
-        self._transport.forget(self.socket)
+        self._reactor.forget(self.socket)
 
     def _on_subscription(self, socket: Socket) -> list[Job]:
         if self._take(socket):
-            self._transport.rest(socket, _BREATH)
+            self._reactor.rest(socket, _BREATH)
         return []
 
     def _take(self, socket: Socket) -> bool:
@@ -130,8 +131,8 @@ class _Use:
 class SharedSockets:
     """The sockets on this host that publications share. Safe to use from any thread."""
 
-    def __init__(self, transport: ZeroMQTransport) -> None:
-        self._transport = transport
+    def __init__(self, reactor: Reactor, member: Membership) -> None:
+        self._reactor, self._member = reactor, member
         self._lock = threading.Lock()
         self._uses: dict[TopicSocket, _Use] = {}
         self._numbers = itertools.count(1)
@@ -170,8 +171,8 @@ class SharedSockets:
 
     def _open(self, depth: int) -> TopicSocket:
         # The name is no ending of a publication: those have six hexadecimal digits.
-        file = self._transport.member.address(f"t{next(self._numbers):x}")
-        shared = TopicSocket(self._transport, partial(open_here, self._transport, file, depth))
+        file = self._member.address(f"t{next(self._numbers):x}")
+        shared = TopicSocket(self._reactor, partial(open_here, self._reactor, file, depth))
         self._uses[shared] = _Use(depth, file)
         return shared
 
@@ -182,7 +183,7 @@ class SharedSockets:
 
 
 def open_here(
-    transport: ZeroMQTransport,
+    reactor: Reactor,
     path: Path,
     depth: int,
     on_input: Callable[[Socket], list[Job]],
@@ -194,12 +195,12 @@ def open_here(
     Its descriptor also reports sent messages, which costs time. Only a latched topic must notice a subscription at
     once, so only its socket is `watched`.
     """
-    socket = transport.socket(zmq.XPUB, on_input, None, watched, **publishing(depth))
+    socket = reactor.socket(zmq.XPUB, on_input, None, watched, **publishing(depth))
     try:
         with as_transport_error(f"binding {path}"), socket.lock:
             socket.raw.bind(f"ipc://{path}")
     except BaseException:
-        transport.forget(socket)
+        reactor.forget(socket)
         raise
     return socket
 

@@ -32,19 +32,20 @@ from ..base import (
     depth_of,
 )
 from ..directory import Entry, Member
+from ..directory_transport import DirectoryLink
 from ..leader_followers import Job
 from ..limits import BATCH
 from ..link import persist
 from ..topics import SubscribingLink
+from .core import TICK
 from .frames import Frames, is_welcome, joined, read_publication_frames, topic, welcome_topic
-from .link import TICK, Link
 from .remote import FarFeed, is_far
 from .sockets import Socket, Subscription
 from .topic_sockets import TopicSocket, open_here, remove
 from .zmtp import Feed, Garbled, Gone
 
 if TYPE_CHECKING:
-    from .transport import ZeroMQTransport
+    from .core import ZeroMQCore
 
 
 _LAST_WORDS = 1.0
@@ -61,7 +62,7 @@ SPARES = "b"
 them: it waits for all subscribers of the first one, since ZeroMQ cannot tell them apart."""
 
 
-class Publisher(Link, SupportsSubscribers):
+class Publisher(DirectoryLink["ZeroMQCore"], SupportsSubscribers):
     role, facing, marks = "publishes", "subscribes", WELCOMES
     _here: TopicSocket | None = None
     """The socket for this host."""
@@ -169,15 +170,15 @@ class Publisher(Link, SupportsSubscribers):
 
     def _open_here(self, depth: int) -> TopicSocket:
         if self._history.maxlen:
-            opening = partial(open_here, self.transport, self._path, depth, watched=True)
-            return TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
+            opening = partial(open_here, self.transport.reactor, self._path, depth, watched=True)
+            return TopicSocket(self.transport.reactor, opening, [self._topic], self._repeat_to)
         return self.transport.shared_sockets.join(self._topic, depth, self._path)
 
     def _open_beside(self) -> None:
         opening = partial(
-            open_here, self.transport, beside(self._path), self._depth, watched=bool(self._history.maxlen)
+            open_here, self.transport.reactor, beside(self._path), self._depth, watched=bool(self._history.maxlen)
         )
-        self._beside = TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
+        self._beside = TopicSocket(self.transport.reactor, opening, [self._topic], self._repeat_to)
         if self._far is None:
             self._at_once = self._send
 
@@ -185,7 +186,7 @@ class Publisher(Link, SupportsSubscribers):
         if not self.transport.bound:
             return None
         opening = partial(self.transport.far_topic, self.channel, self._address, ending(self._source), depth)
-        return TopicSocket(self.transport, opening, [self._topic], self._repeat_to)
+        return TopicSocket(self.transport.reactor, opening, [self._topic], self._repeat_to)
 
     def _send_everywhere(self, frames: Frames) -> bool:
         """Send on this host and to other hosts. A repetition for lack of room does not send on this host again."""
@@ -245,8 +246,8 @@ class Publisher(Link, SupportsSubscribers):
             socket.send([named + first, *arrays])
 
 
-class Subscriber(SubscribingLink["ZeroMQTransport"]):
-    def __init__(self, transport: ZeroMQTransport, channel: Channel, sink: Sink) -> None:
+class Subscriber(SubscribingLink["ZeroMQCore"]):
+    def __init__(self, transport: ZeroMQCore, channel: Channel, sink: Sink) -> None:
         super().__init__(transport, channel, sink)
         self._looking = threading.RLock()
         self._feeds: dict[str, Subscription] = {}
@@ -359,7 +360,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         try:
             if is_far(address):
                 secure = self.transport.secure_to(member)
-                feed = FarFeed(self.transport, address, topics, secure, max(self._depth, 8))
+                feed = FarFeed(self.transport.reactor, address, topics, secure, max(self._depth, 8))
             else:
                 path = PurePath(address.removeprefix("ipc://"))
                 is_spared = not self.lossless and SPARES in publisher.traits
@@ -369,13 +370,13 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
         except OSError as exc:
             raise TransportError(f"zeromq: connecting to {address}: {exc.strerror}") from exc
         else:
-            self._feeds[address] = self.transport.subscription(feed, partial(self._on_message, address))
+            self._feeds[address] = self.transport.reactor.subscription(feed, partial(self._on_message, address))
 
     def _leave(self, address: str) -> None:
         with self._looking:
             self._welcomed.discard(address)
             if feed := self._feeds.pop(address, None):
-                self.transport.forget(feed)
+                self.transport.reactor.forget(feed)
 
     def _on_message(self, address: str, feed: Subscription) -> list[Job]:
         most = min(self._lane.room, BATCH)
@@ -390,7 +391,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                     break
                 taken += self._take(address, feed, most)
         if feed.more:
-            self.transport.attend(feed)
+            self.transport.reactor.attend(feed)
         return [self._drain] if taken else []
 
     def _take(self, address: str, feed: Subscription, most: int) -> int:
@@ -403,7 +404,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
                 self._garbled.add(address)
             self._leave(address)
             self._incomplete = True  # it may still exist
-            self.transport.within(TICK)
+            self.transport.reactor.within(TICK)
             return 0
         admitted = [payload for frames in messages if (payload := self._admitted(address, frames)) is not None]
         if len(admitted) == 1:  # the usual case
@@ -412,7 +413,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
 
     def _pause(self, feed: Subscription) -> bool:
         """Stop to receive until there is room; False if there is room by now."""
-        self.transport.mute(feed)  # first: `_drain` may resume it as soon as it is in `_muted`
+        self.transport.reactor.mute(feed)  # first: `_drain` may resume it as soon as it is in `_muted`
         self._muted.append(feed)
         if self._lane.full:  # checked again: `_drain` resumes the feeds that it finds in `_muted`
             return True
@@ -422,7 +423,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
     def _hear_all(self) -> None:
         with contextlib.suppress(IndexError):
             while True:  # the last one first: each is put in front of the others
-                self.transport.hear(self._muted.pop())
+                self.transport.reactor.hear(self._muted.pop())
 
     def _admitted(self, address: str, frames: Frames) -> Payload | None:
         """The payload to deliver; None if there is none."""
@@ -432,7 +433,7 @@ class Subscriber(SubscribingLink["ZeroMQTransport"]):
             if is_welcome(frames[0]):
                 self._welcomed.add(address)
                 if is_far(address):
-                    self.transport.within(0.0)  # reveals the services of that member
+                    self.transport.reactor.within(0.0)  # reveals the services of that member
             else:
                 self.malformed(exc)
             return None
