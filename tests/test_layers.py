@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from graphlib import CycleError, TopologicalSorter
 from importlib.util import resolve_name
 from pathlib import Path
@@ -146,12 +146,13 @@ def loaded_with(module: str) -> set[str]:
 
 
 PACKAGE = Path(robocomp_py.__file__).parent
+BENCHMARKS = PACKAGE.parent / "benchmarks"
 CORE = [path for path in sorted(PACKAGE.rglob("*.py")) if path.relative_to(PACKAGE).parts[0] != "classic"]
 
 
-def named(path: Path) -> Iterator[str]:
+def named(path: Path, *, texts: bool = True) -> Iterator[str]:
     """The modules that a file imports, wherever in it, and all texts in it that may name one."""
-    package = ".".join(("robocomp_py", *path.relative_to(PACKAGE).parts[:-1]))
+    package = ".".join(path.relative_to(PACKAGE.parent).parts[:-1])
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         match node:
             case ast.Import(names=names):
@@ -159,7 +160,7 @@ def named(path: Path) -> Iterator[str]:
             case ast.ImportFrom(module=module, names=names, level=level):
                 origin = resolve_name("." * level + (module or ""), package)
                 yield from (f"{origin}.{each.name}" for each in names)
-            case ast.Constant(value=str(text)):
+            case ast.Constant(value=str(text)) if texts:
                 yield text
             case _:
                 pass
@@ -176,8 +177,8 @@ def test_the_core_names_nothing_of_classic() -> None:
 
 
 def test_no_file_imports_itself_by_way_of_others() -> None:
-    """Imports inside of functions count. Those for types alone do not: nothing is loaded for them."""
-    known = {module_of(path): path for path in PACKAGE.rglob("*.py")}
+    """Imports inside of functions count, and those for types alone: whoever reads a file reads those below it only."""
+    known = {module_of(path): path for package in (PACKAGE, BENCHMARKS) for path in package.rglob("*.py")}
     graph = {name: set(imported(path, known)) - {name} for name, path in known.items()}
     try:
         TopologicalSorter(graph).prepare()
@@ -186,27 +187,13 @@ def test_no_file_imports_itself_by_way_of_others() -> None:
 
 
 def module_of(path: Path) -> str:
-    parts = ("robocomp_py", *path.relative_to(PACKAGE).with_suffix("").parts)
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-_WITH_IMPORTS = ast.stmt, ast.excepthandler, ast.match_case
-"""Nothing else has statements in it."""
-
-
-def imported(path: Path, known: dict[str, Path]) -> Iterator[str]:
-    """The modules of ours that running a file may load by an import in it."""
-    package = ".".join(("robocomp_py", *path.relative_to(PACKAGE).parts[:-1]))
-    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            waiting += node.orelse
-            continue
-        waiting += (each for each in ast.iter_child_nodes(node) if isinstance(each, _WITH_IMPORTS))
-        if isinstance(node, ast.Import):
-            yield from (each.name for each in node.names if each.name in known)
-        elif isinstance(node, ast.ImportFrom):
-            origin = resolve_name("." * node.level + (node.module or ""), package)
-            names = [f"{origin}.{each.name}" for each in node.names]
-            yield from (each if each in known else origin for each in names if each in known or origin in known)
+def imported(path: Path, known: Container[str]) -> Iterator[str]:
+    """The modules of ours that an import in a file names."""
+    for name in named(path, texts=False):
+        package = name.rpartition(".")[0]
+        if name in known or package in known:
+            yield name if name in known else package
