@@ -24,16 +24,12 @@ from ..innermodel.mesh import read_mesh
 from ..innermodel.pictures import GREY, Pixels, colour_of, read_picture
 from ..innermodel.read import InnerModelError
 from ..innermodel.tree import Node, Tree
+from .drawing import FARTHEST, NEAREST
 
 log = logging.getLogger("robocomp.sim")
 
 CAMERAS = ("rgbd", "camera")
 """The tags of nodes that take pictures."""
-
-NEAREST = 0.01
-"""What is nearer to a camera is not drawn, m."""
-FARTHEST = 1000.0
-"""What is farther from a camera is not drawn, m."""
 
 _MOST_PIXELS = 4096
 """Of a row or a column of what a camera takes."""

@@ -18,7 +18,8 @@ from robocomp_py.errors import ConfigurationError
 from robocomp_py.innermodel.pictures import Pixels
 from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
-from robocomp_py.sim.render import Renderer, chosen
+from robocomp_py.sim.drawing import chosen
+from robocomp_py.sim.render import Renderer
 from robocomp_py.sim.world import World
 
 tool = pytest.mark.tool  # of those that draw

@@ -24,8 +24,10 @@ from ...innermodel.pictures import Pixels
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from ...runtime.ports import has_subscribers
+from ..drawing import Depths
 from ..looks import picture_of
-from ..render import Depths, Renderer, View
+from ..remote import DrawingLost
+from ..render import Renderer, View
 from .bases import state
 from .motors import states
 from .studio import Shot, Studio
@@ -327,6 +329,8 @@ class CameraPublication:
         """The arguments of the loan, and the names of the fields that they are the shapes of."""
         self._drawing: Future[None] | None = None
         self._is_broken = False
+        self._told = ""
+        """Why the last picture was not published; "" if it was."""
 
     def __call__(self) -> None:
         """Publish what it sees now, unless the picture before is still being drawn."""
@@ -344,10 +348,13 @@ class CameraPublication:
                 found = self._fill(message, self._camera.about(time) | {"depthFactor": 1.0})
                 depths = found.get("depth")
                 renderer.picture(view, camera, found.get("image"), None if depths is None else depths.view(np.float32))
+            self._told = ""
         except Closed:
             self._is_broken = True
-        except TransportError as exc:
-            log.warning("a picture of `%s` was not published: %s", camera, exc)
+        except (TransportError, DrawingLost) as exc:
+            if str(exc) != self._told:
+                log.warning("a picture of `%s` was not published: %s", camera, exc)
+            self._told = str(exc)
         except RobocompError as exc:
             self._is_broken = True
             log.error("`%s` publishes no pictures: %s", camera, exc)

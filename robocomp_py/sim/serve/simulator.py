@@ -89,7 +89,8 @@ class Simulator(Controlled, Managed):
             raise ConfigurationError(_told(exc, tree)) from exc
         self._pace = Pace(self.world.tick, self.now())
         self._folder = path.parent
-        self._studio = Studio(self._suspended if isinstance(self._clock, Real) else None)
+        in_process = getattr(self.params, "render", "") == "process"
+        self._studio = Studio(self._suspended if isinstance(self._clock, Real) else None, in_process=in_process)
         self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
         """By the port, and the name of the instance."""

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple, TypeVar
 
 from ...threads import fulfil
+from ..remote import Remote
 from ..render import Picture, Renderer, View
 
 T = TypeVar("T")
@@ -31,9 +32,12 @@ class Studio:
     drawn at once by the thread that asks for it, so that it belongs to the same time in every run.
     """
 
-    def __init__(self, suspended: Callable[[], AbstractContextManager[None]] | None) -> None:
-        """`suspended` lets handlers run during a wait; None: pictures are drawn at once."""
-        self._renderer = Renderer()
+    def __init__(self, suspended: Callable[[], AbstractContextManager[None]] | None, *, in_process: bool) -> None:
+        """`suspended` lets handlers run during a wait; None: pictures are drawn at once.
+
+        With `in_process`, a process of its own draws, which a thread waits for.
+        """
+        self._renderer = Renderer(Remote() if in_process else None)
         self._suspended = suspended or nullcontext
         self._pool = ThreadPoolExecutor(1, "cameras") if suspended else None
         self._latest: dict[str, tuple[View, Shot]] = {}

@@ -1,0 +1,164 @@
+"""A model is drawn by MuJoCo on OpenGL, without a screen.
+
+OpenGL comes from EGL, or else from OSMesa; pip can install neither, so they are packages of the system.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ConfigurationError
+from ..innermodel.axes import Array
+from ..innermodel.pictures import Pixels
+from .noise import normal
+from .unsafe import has_egl, has_osmesa
+
+Depths = NDArray[np.float32]
+"""Distances along z in m, rows from the top, shape (height, width). NaN: nothing is there."""
+
+NEAREST = 0.01
+"""What is nearer to a camera is not drawn, m."""
+FARTHEST = 1000.0
+"""What is farther from a camera is not drawn, m."""
+
+_SLOPE = np.float32(FARTHEST * NEAREST / (FARTHEST - NEAREST))
+_OFFSET = np.float32(NEAREST / (FARTHEST - NEAREST))
+"""A distance is slope / (value in OpenGL + offset): OpenGL has 1 for the nearest and 0 for the farthest."""
+
+_EGL, _OSMESA = "egl", "osmesa"
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """The noise of a picture: factors on its depths."""
+
+    seed: int
+    camera: str
+    ticks: int
+    deviation: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """What is to be drawn of a model."""
+
+    camera: int
+    width: int
+    height: int
+    positions: Array
+    """The vector of positions. The same array is the same state."""
+    textures: Mapping[int, Pixels]
+    """Those that have changed since the order before, by their numbers; of the size that they have in the model."""
+    noise: Disturbance | None
+
+
+class Easel:
+    """A model that is drawn, and its context of OpenGL. One thread uses it."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Raises ConfigurationError if OpenGL cannot be used."""
+        self._model, self._data = model, mujoco.MjData(model)
+        self._positions: Array | None = None
+        self._context = _opened(model.vis.global_.offwidth, model.vis.global_.offheight)
+        with self._context.as_current():
+            self._pen = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._pen)
+        self._pen.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._seen = mujoco.MjvScene(model=model, maxgeom=model.ngeom + 100)
+        for flag in ("SHADOW", "REFLECTION", "SKYBOX", "FOG", "HAZE"):
+            self._seen.flags[getattr(mujoco.mjtRndFlag, f"mjRND_{flag}")] = False
+        self._options, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+    def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
+        """Draw into arrays of the size of the order."""
+        with self._context.as_current():
+            self._draw(order, colours, depths)
+        if order.noise:
+            noise = order.noise
+            normals = normal(noise.seed, noise.camera, "depth", noise.ticks, depths.size)
+            factors = (1.0 + noise.deviation * normals).reshape(depths.shape)
+            np.multiply(depths, factors, out=depths, casting="same_kind")
+
+    def _draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
+        model = self._model
+        if order.positions is not self._positions:
+            self._data.qpos[:] = order.positions
+            mujoco.mj_kinematics(model, self._data)
+            mujoco.mj_camlight(model, self._data)
+            self._positions = order.positions
+        for number, pixels in order.textures.items():
+            begin = model.tex_adr[number]
+            model.tex_data[begin : begin + pixels.size] = pixels.ravel()
+            mujoco.mjr_uploadTexture(model, self._pen, number)
+        self._camera.fixedcamid = order.camera
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(model, self._data, self._options, None, self._camera, every, self._seen)
+        where = mujoco.MjrRect(0, 0, order.width, order.height)
+        mujoco.mjr_render(where, self._seen, self._pen)
+        drawn = np.empty((order.height, order.width, 3), np.uint8)
+        values = np.empty((order.height, order.width), np.float32)
+        mujoco.mjr_readPixels(drawn, values, where, self._pen)
+        colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
+        values = values[::-1]
+        np.divide(_SLOPE, values + _OFFSET, out=depths)
+        depths[values == 0.0] = np.nan
+
+    def close(self) -> None:
+        """Free what OpenGL has."""
+        with self._context.as_current():
+            self._pen.free()
+        self._context.free()
+
+
+def chosen(wanted: str, egl: Callable[[], bool], osmesa: Callable[[], bool]) -> str:
+    """The library that provides OpenGL, by the name that MuJoCo has for it: `egl` or `osmesa`.
+
+    `wanted` is the value of MUJOCO_GL. Raises ConfigurationError if there is none.
+    """
+    if wanted.lower() in (_EGL, _OSMESA):
+        return wanted.lower()
+    if egl():
+        return _EGL
+    if osmesa():
+        return _OSMESA
+    raise ConfigurationError(
+        "cameras need OpenGL, which this machine does not have: install the package libegl1, or libosmesa6 "
+        "(on Debian and Ubuntu: apt-get install libegl1). Everything else of a scene works without it"
+    )
+
+
+def _opened(width: int, height: int) -> Any:
+    """A new context of OpenGL."""
+    name = chosen(os.environ.get("MUJOCO_GL", ""), has_egl, has_osmesa)
+    logging.getLogger("OpenGL").setLevel(logging.WARNING)  # it tells which accelerator it does not have
+    os.environ["MUJOCO_GL"] = name  # libmujoco reads it when it looks for the functions of OpenGL
+    try:
+        context = importlib.import_module(f"mujoco.{name}").GLContext
+    except ImportError as exc:
+        if exc.name and exc.name.partition(".")[0] == "OpenGL":
+            raise ConfigurationError(f"cameras need PyOpenGL: pip install 'robocomp-py[sim]' ({exc})") from exc
+        raise _refused(name, exc) from exc
+    except Exception as exc:  # PyOpenGL raises what its loading happens to raise
+        raise _refused(name, exc) from exc
+    try:
+        return context(width, height)
+    except (ImportError, RuntimeError) as exc:
+        raise _refused(name, exc) from exc
+
+
+def _refused(name: str, error: Exception) -> ConfigurationError:
+    package = "libegl1" if name == _EGL else "libosmesa6"
+    return ConfigurationError(
+        f"cameras need OpenGL, and {name} of this machine does not give it: is the package {package} installed? "
+        f"MUJOCO_GL=egl and MUJOCO_GL=osmesa choose between the two. ({error})"
+    )
