@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, positive, reported, say
 
 if TYPE_CHECKING:
     from ..tools.foxglove.live import Bridge
+    from ..tools.hosts import Hosts
     from ..tools.network import Network
 
 NAME = "foxglove"
@@ -24,7 +25,7 @@ _EXAMPLES = f"""\
 examples:
   rc foxglove                        all topics, also those that appear later, until Ctrl-C
   rc foxglove LaserPub camera        only these
-  rc foxglove --network rescue       only those of a network that rcdeploy runs
+  rc foxglove --network rescue       only those of a network that rcdeploy runs, on all its hosts
   rc foxglove run1/run1_0.mcap       a recording, as it was in time
   rc foxglove run1                   the same for a folder of `rc record`
   rc foxglove --port 9000            at another port than 8765
@@ -50,10 +51,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording: a folder, or *.mcap")
     completed(names, What.TOPIC)
-    about = "only topics of a network that rcdeploy runs here, by its name or file"
+    about = "only topics of a network that rcdeploy runs here, by its name or file, on all its hosts"
     completed(to.add_argument("--network", metavar="NET", help=about), What.NETWORK)
     about = "a folder of `rc record`, or a file *.mcap, instead of what runs"
     completed(to.add_argument("--recording", type=Path, metavar="RECORDING", help=about), ".mcap")
+    add_hosts(to, network=False)
     to.add_argument("--port", type=_port, default=8765, metavar="PORT", help="0: any that is free (default: 8765)")
     to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_middleware(to)
@@ -71,15 +73,15 @@ def run(options: argparse.Namespace) -> int:
     with reported("rc foxglove") as code:
         need_foxglove()
         _take_recording(options)
-        census = _census(options)
         from ..tools.foxglove.live import Bridge
 
-        with Bridge("robocomp", options.port) as bridge:
+        looking = contextlib.nullcontext() if options.recording else hosts_of(options)
+        with looking as hosts, Bridge("robocomp", options.port) as bridge:
             end = time.monotonic() + options.seconds if options.seconds else float("inf")
-            if options.recording:
+            if hosts is None:
                 _show_recording(bridge, options, end)
             else:
-                _show_network(bridge, options, census, end)
+                _show_network(bridge, options, hosts, end)
         return FINE
     return code()
 
@@ -98,29 +100,14 @@ def _take_recording(options: argparse.Namespace) -> None:
         raise ConfigurationError("--network is for what runs, and a recording does not")
 
 
-def _census(options: argparse.Namespace) -> Callable[[], Network]:
-    """What runs, or of it what belongs to the network that is wanted. Raises DeploymentError if that does not run."""
-    from ..tools.census import take_census
-
-    census = partial(take_census, options.middleware, own=bool(options.topics))
-    if not options.network:
-        return census
-    from ..deploy.client import NotRunning, network_of, not_running, running_plan
-
-    name = network_of(options.network)
-    if running_plan(name) is None:
-        raise NotRunning(not_running(name))
-
-    def of_network() -> Network:
-        plan = running_plan(name) or {}
-        return census().only([each for one in plan.get("processes", ()) for each in one.get("instances", ())])
-
-    return of_network
-
-
-def _show_network(bridge: Bridge, options: argparse.Namespace, census: Callable[[], Network], end: float) -> None:
+def _show_network(bridge: Bridge, options: argparse.Namespace, hosts: Hosts, end: float) -> None:
     from ..tools.access import Access
     from ..tools.recording.session import Session
+
+    def census() -> Network:
+        """What runs on all hosts, or of it what belongs to the network that is wanted."""
+        found = hosts.renew().census(options.middleware, own=bool(options.topics))
+        return found.only(hosts.instances) if options.network else found
 
     with Access() as access:
         session = Session(bridge, access, census, options.topics, _tell)

@@ -8,16 +8,18 @@ import json
 import re
 import sys
 import time
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE
+from .common import FINE, UNREACHABLE
 from .completing import What, completed
+from .hosts import add_hosts, hosts_of
 from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported, say
 
 if TYPE_CHECKING:
+    from ..tools.network import Network
     from ..tools.recording.session import Session, Track
     from ..tools.recording.tellers import Tellers
     from ..tools.recording.writer import Recorder
@@ -33,11 +35,16 @@ examples:
   rc record --split 1GB --keep 10          a ring: files of 1 GB, of which the last ten are kept
   rc record --compress lz4 --for 60        smaller files; for one minute
   rc record --schema omgidl                with the names of the IDSL, for Foxglove
+  rc record --host base --host here        of the hosts of a network, only these (default: all)
 
 The folder is a ROS 2 bag: ROS 2, Foxglove, PlotJuggler and rosbags open it. No publisher waits for this command. What a
 slow disk cannot take in time is lost, and counted at the end. `rc bag mend` makes an interrupted recording readable.
 Calls are told by the components that make them, or with --served by those that serve them. Each operation has a topic
 of its calls, as /wander/GotoPoint/go/calls; log records are in /rosout, as in ROS 2.
+
+Topics of other hosts come over the connections of rcdeploy, into the same files. Messages have the time at which they
+were sent, by the clock of their host, and that at which they came here. What a connection cannot take is lost, and
+counted for each host. A host that was lost is heard again once it is back.
 
 {EXIT_STATUS}
 """
@@ -68,6 +75,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_compress(to)
     to.add_argument("--schema", choices=("ros2msg", "omgidl"), default="ros2msg", help="default: ros2msg")
     add_waiting(to)
+    add_hosts(to)
     add_middleware(to)
     add_json(to)
 
@@ -93,13 +101,12 @@ def split(text: str) -> tuple[int | None, float | None]:
 def run(options: argparse.Namespace) -> int:
     from ..errors import ConfigurationError
     from ..tools.access import Access
-    from ..tools.census import take_census
     from ..tools.recording.bag import Options
     from ..tools.recording.session import Session
     from ..tools.recording.tellers import Tellers
     from ..tools.recording.writer import Recorder
 
-    with reported("rc record") as code:
+    with reported("rc record") as code, hosts_of(options) as hosts:
         if options.keep and not options.split:
             raise ConfigurationError("--keep needs --split, as in `--split 1GB --keep 10`")
         if options.served and not options.calls:
@@ -110,13 +117,19 @@ def run(options: argparse.Namespace) -> int:
         begun = time.monotonic()
         with Recorder(folder, how) as recorder:
             recording: _Recording | None = None
+            lost: dict[str, str] = {}
+
+            def census() -> Network:
+                found = hosts.renew().census(options.middleware, own=bool(options.topics))
+                lost.update(hosts.lost)
+                return found
+
             try:
                 with Access() as access:
                     asked = {"calls": options.calls, "logs": options.logs, "served": options.served}
                     tellers = Tellers(recorder, access, options.topics, _tell, **asked)
-                    census = partial(take_census, options.middleware, own=bool(options.topics))
                     session = Session(recorder, access, census, options.topics, _tell, tellers.look)
-                    recording = _Recording(recorder, session, tellers)
+                    recording = _Recording(recorder, session, tellers, lost)
                     try:
                         _record(recording, options, begun)
                     finally:
@@ -130,7 +143,7 @@ def run(options: argparse.Namespace) -> int:
                         recorder.discard()
         if recorder.error:
             raise recorder.error
-        return FINE
+        return UNREACHABLE if lost else FINE
     return code()
 
 
@@ -139,6 +152,8 @@ class _Recording:
     recorder: Recorder
     session: Session
     tellers: Tellers
+    unreachable: Mapping[str, str]
+    """The hosts that were out of reach for some time, and why."""
 
     @property
     def has_begun(self) -> bool:
@@ -156,6 +171,8 @@ class _Recording:
 
 
 def _record(recording: _Recording, options: argparse.Namespace, begun: float) -> None:
+    from ..errors import HostUnreachable
+
     shown, end = begun, None
     while not recording.recorder.error:
         now = time.monotonic()
@@ -165,6 +182,8 @@ def _record(recording: _Recording, options: argparse.Namespace, begun: float) ->
         if recording.has_begun and options.seconds and end is None:
             end = time.monotonic() + options.seconds
         if not recording.has_begun and now - begun >= options.timeout:
+            if lost := recording.unreachable:
+                raise HostUnreachable(f"{_nothing(options)}; it may be on {', '.join(lost)}")
             raise Absent(_nothing(options))
         if now - shown >= 1 and sys.stderr.isatty():
             shown = now
@@ -198,13 +217,16 @@ def _show(recording: _Recording, seconds: float) -> None:
 def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
     recorder = recording.recorder
     topics = [
-        _told(each.channel.name, each.track, each.lost, each.unreadable)
+        _told(each.channel.name, each.track, each.lost, each.unreadable) | {"host": each.host}
         for each in sorted(recording.session.followed, key=lambda each: each.channel.name)
     ]
-    topics += [_told(name, track, 0, track.malformed) for name, track in sorted(recording.tellers.tracks)]
+    topics += [
+        _told(name, track, 0, track.malformed) | {"host": ""} for name, track in sorted(recording.tellers.tracks)
+    ]
     tellers = [
         {
             "component": each.component,
+            "host": each.host,
             "tells": each.what,
             "told": each.told,
             "lost": each.lost,
@@ -215,7 +237,8 @@ def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
     ]
     if as_json:
         told: dict[str, Any] = {"folder": str(recorder.folder), "seconds": seconds, "octets": recorder.octets}
-        print(json.dumps({**told, "topics": topics, "tellers": tellers}), flush=True)
+        hosts = list(_by_host(recording, topics, tellers))
+        print(json.dumps({**told, "topics": topics, "tellers": tellers, "hosts": hosts}), flush=True)
         return
     messages = sum(each.written for each in recording.tracks)
     print(
@@ -228,6 +251,26 @@ def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
     for told in tellers:
         if losses := _losses(told):
             print(f"  {told['component']} told {told['told']} {told['tells']}{losses}", flush=True)
+    for told in _by_host(recording, topics, tellers):
+        why = f"; it was out of reach: {told['unreachable']}" if told["unreachable"] else ""
+        print(f"  from {told['host']}: {told['messages']} messages{_losses(told)}{why}", flush=True)
+
+
+def _by_host(
+    recording: _Recording, topics: list[dict[str, Any]], tellers: list[dict[str, Any]]
+) -> Iterator[dict[str, Any]]:
+    """What came of each other host, and what was lost of it."""
+    for host in sorted({each["host"] for each in (*topics, *tellers)} | set(recording.unreachable)):
+        if host:
+            heard = [each for each in topics if each["host"] == host]
+            told = [each for each in tellers if each["host"] == host]
+            yield {
+                "host": host,
+                "messages": sum(each["messages"] for each in heard) + sum(each["told"] for each in told),
+                "lost": sum(each["lost"] for each in (*heard, *told)),
+                "dropped": sum(each["dropped"] for each in heard),
+                "unreachable": recording.unreachable.get(host, ""),
+            }
 
 
 def _told(name: str, track: Track, lost: int, unreadable: int) -> dict[str, Any]:

@@ -84,7 +84,7 @@ class Session:
     def census(self) -> Network:
         """What runs now, on all hosts that can be asked. Raises Closed, ConfigurationError and TransportErrors."""
         every = self._all(own=True)
-        known = every.only(_instances(self.network)) if self.network else every
+        known = every.only(self._hosts.instances) if self.network else every
         with self._lock:
             self._known = known
         return known
@@ -195,12 +195,3 @@ class _Closer(threading.Thread):
         while not self._session._ended.wait(_LOOK):
             if abandoned(_Closer):
                 self._session.close()
-
-
-def _instances(network: str) -> frozenset[str]:
-    """The instances of a running network, and what the names of their channels begin with; none if it does not run."""
-    from ..deploy.client import running_plan
-
-    plan = running_plan(network) or {}
-    names = {each for process in plan.get("processes", ()) for each in process.get("instances", ())}
-    return frozenset(names | {each["channels"].strip("/") for each in plan.get("ours", {}).values()})

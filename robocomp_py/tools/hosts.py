@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -65,6 +65,7 @@ class Hosts:
         """Find the hosts of the networks that run now. Raises RobocompError."""
         with self._lock:
             plans = self._plans()
+            self._running = False  # it may end meanwhile
             hosts = {host["name"]: network for network, plan in plans.items() for host in plan.get("hosts", ())}
             self._check(hosts)
             self._options = self._operator(plans)
@@ -72,6 +73,12 @@ class Hosts:
             self.posts = [self._post(hosts[name], name) for name in wanted]
             self._host_of = _host_of(plans)
         return self
+
+    @property
+    def instances(self) -> Collection[str]:
+        """Those of the network that is named, and what the names of their channels begin with; none if it does not
+        run."""
+        return self._host_of.keys()
 
     def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
         """As `take_census`. What cannot be asked on another host is told, once."""

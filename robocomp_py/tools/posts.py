@@ -28,6 +28,13 @@ from ..threads import start_thread
 _WAITING = 10_000
 """Answers to one question that may wait; a scout does not send more at a time."""
 
+WINDOW = 2 * 1024 * 1024
+"""The weight of the octets that a scout sends before the tool has told that it took them. Controllers of networks keep
+more than that for a tool, so its other answers get through."""
+
+_TOLD = WINDOW // 8
+"""The weight of octets after which a tool tells so."""
+
 Message = Mapping[str, Any]
 
 Taker = Callable[[Message | RobocompError], object]
@@ -48,6 +55,11 @@ class Line(Protocol):
 
     def release(self) -> None:
         """Free it, once no thread reads."""
+
+
+def weight(octets: str) -> int:
+    """What a part of a message counts for in `WINDOW`; also many small ones must not be too many lines."""
+    return len(octets) + 2048
 
 
 class Post:
@@ -132,6 +144,9 @@ class _Session:
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
         self._takers: dict[int, Taker] = {}
+        self._saying = threading.Lock()
+        self._taken = 0
+        """The weight of octets that came and are not told yet; only the thread that reads uses it."""
         self._error: RobocompError | None = None
         self.has_ended = False
         self._thread = threading.Thread(target=self._read, name=f"scout of {host}", daemon=True)
@@ -144,7 +159,7 @@ class _Session:
                 raise self._reason()
             self._takers[number] = take
         try:
-            self._line.say({"id": number, "do": do, **more})
+            self._say({"id": number, "do": do, **more})
         except BaseException:
             self._takers.pop(number, None)
             raise
@@ -154,7 +169,18 @@ class _Session:
         """End a question that has not ended itself."""
         if self._takers.pop(number, None) and not self.has_ended:
             with contextlib.suppress(RobocompError):
-                self._line.say({"id": number, "do": "cease"})
+                self._say({"id": number, "do": "cease"})
+
+    def _say(self, message: Message) -> None:
+        with self._saying:
+            self._line.say(message)
+
+    def _took(self, octets: int) -> None:
+        """Let the scout send more."""
+        self._taken += octets
+        if self._taken >= _TOLD:
+            self._say({"id": 0, "do": "took", "octets": self._taken})
+            self._taken = 0
 
     def _reason(self) -> RobocompError:
         """Why it has ended."""
@@ -171,6 +197,7 @@ class _Session:
                 if "dropped" in answer:
                     for each in list(self._takers.values()):
                         each(answer)
+                    self._took(WINDOW)  # at most that much is lost
                     continue
                 number = answer.get("id")
                 take = self._takers.get(number) if isinstance(number, int) else None
@@ -178,6 +205,9 @@ class _Session:
                     self._takers.pop(int(answer["id"]), None)
                 if take:
                     take(answer)
+                match answer:
+                    case {"octets": [*_, str(octets)]}:
+                        self._took(weight(octets))
         except RobocompError as exc:
             self._error = exc
         finally:

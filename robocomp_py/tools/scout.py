@@ -19,6 +19,7 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "machine", "middlewares": ["shm"], "processes": [10, 11]}
                                                          limits and space, and what these processes use
     {"id": 1, "do": "cease"}                             end the question with this number
+    {"id": 0, "do": "took", "octets": 300000}            go on with octets: so much of them was taken
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
     {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
@@ -62,6 +63,7 @@ from ..wire import json as values
 from .access import Access, ThrownError
 from .census import take_census, take_each
 from .network import Channel, End, Network
+from .posts import WINDOW, weight
 from .traffic import Arrival
 
 LONGEST = 512 * 1024
@@ -112,6 +114,10 @@ class Scout:
             if asked := self._asked.get(number):
                 asked[1].set()
             return
+        if do == "took":
+            if isinstance(octets := question.get("octets"), int):
+                self._place.window.widen(octets)
+            return
         deed = _DEEDS.get(str(do))
         with self._lock:
             if deed is None or number in self._asked or len(self._asked) >= MOST:
@@ -154,6 +160,7 @@ class _Place:
 
     def __init__(self) -> None:
         self.access = Access()
+        self.window = _Window()
         self._lock = threading.Lock()
         self._seen: dict[tuple[str, ...], tuple[float, Network]] = {}
 
@@ -168,6 +175,29 @@ class _Place:
         if name not in network.channels or not network.channels[name].providers:
             raise ValueError(f"no component serves {name}")
         return network.channels[name]
+
+
+class _Window:
+    """How much may be sent before the tool has taken some of it."""
+
+    def __init__(self) -> None:
+        self._open = threading.Condition()
+        self._free = WINDOW
+
+    def widen(self, octets: int) -> None:
+        with self._open:
+            self._free = min(WINDOW, self._free + max(0, octets))
+            self._open.notify_all()
+
+    def wait(self, octets: int, over: threading.Event) -> bool:
+        """Wait until so much may be sent. False if the question is over before."""
+        with self._open:
+            while self._free < octets:
+                if over.is_set():
+                    return False
+                self._open.wait(_LOOK)
+            self._free -= octets
+        return True
 
 
 _Deed = Callable[[_Place, Message, Answer, threading.Event], None]
@@ -242,6 +272,8 @@ def _octets(place: _Place, question: Message, answer: Answer, over: threading.Ev
             parts = max(1, math.ceil(len(data) / _PART))
             for at in range(parts):
                 text = base64.b64encode(data[at * _PART : (at + 1) * _PART]).decode()
+                if not place.window.wait(weight(text), over):
+                    return
                 answer(octets=[message.source, message.sequence, message.stamp, at, parts, text])
 
 

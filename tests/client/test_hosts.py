@@ -26,20 +26,19 @@ def base() -> Iterator[Path]:
     """The run-time folder of a host with two components."""
     with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
         there = Path(folder, "base")
-        with elsewhere.apart(there, "tests.client.there"):
+        with elsewhere.apart(there, "tests.tools.there"):
             yield there
 
 
 @pytest.fixture
 def network(own_runtime_folder: Path, base: Path) -> Iterator[elsewhere.Network]:
-    with elsewhere.network("base", talker="base", listener="base") as made:
-        made.standing.scouts["base"] = lambda: made.scout_of(base)
+    with elsewhere.network("base", folder=base, talker="base", listener="base") as made:
         yield made
 
 
 @pytest.fixture
 def net(network: elsewhere.Network) -> Iterator[Any]:
-    with connect("home") as made:
+    with connect("home", middleware="shm") as made:
         yield made
 
 
@@ -85,7 +84,7 @@ def test_a_lost_host_is_told(net: Any, network: elsewhere.Network, caplog: pytes
     assert why in caplog.text
     assert repr(net) == f"home:\n  base  {why}"
     with pytest.raises(NotThere, match=why):
-        connect("home", timeout=0.1)
+        connect("home", middleware="shm", timeout=0.1)
     network.standing.scouts |= scouts
     assert tuple(net.talker.Everything.divide(17, 5)) == (3, 2)
     assert topic.latest(newer_than=0).number > 0
@@ -93,7 +92,7 @@ def test_a_lost_host_is_told(net: Any, network: elsewhere.Network, caplog: pytes
 
 SCRIPT = """
 from robocomp_py import connect
-net = connect("home")
+net = connect("home", middleware="shm")
 print(net.talker.Everything.divide(17, 5).remainder, net.talker.Everything.latest().text[:1])
 """
 
@@ -106,8 +105,6 @@ def test_a_script_that_does_not_close_ends_its_scouts() -> None:
 
 def test_a_network_that_starts_later_has_its_hosts(own_runtime_folder: Path, base: Path) -> None:
     with ThreadPoolExecutor(1) as pool:
-        connecting = pool.submit(connect, "home", timeout=SOON)
-        with elsewhere.network("base", talker="base") as made:
-            made.standing.scouts["base"] = lambda: made.scout_of(base)
-            with connecting.result() as net:
-                assert tuple(net["talker/Everything"].divide(17, 5)) == (3, 2)
+        connecting = pool.submit(connect, "home", middleware="shm", timeout=SOON)
+        with elsewhere.network("base", folder=base, talker="base"), connecting.result() as net:
+            assert tuple(net["talker/Everything"].divide(17, 5)) == (3, 2)

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from robocomp_py.deploy.scouting import Scout as Reached
@@ -111,11 +112,14 @@ def apart(folder: Path, module: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def network(*hosts: str, **instances: str) -> Iterator[Network]:
-    """A network with these hosts, and the hosts of its instances. Each host has what runs in this process."""
+def network(*hosts: str, folder: Path | None = None, **instances: str) -> Iterator[Network]:
+    """A network with these hosts, and the hosts of its instances.
+
+    Each host has what runs in this process, or else what has this run-time folder.
+    """
     standing = Standing(*(process(name, host=host) for name, host in instances.items()))
     made = Network(Running(standing))
-    standing.scouts = dict.fromkeys(hosts, made.scout)
+    standing.scouts = dict.fromkeys(hosts, partial(made.scout_of, folder) if folder else made.scout)
     plan = {
         "name": "home",
         "hosts": [{"name": host, "address": host} for host in hosts],

@@ -8,6 +8,7 @@ of MCAP, called `/world/LaserPub/pushLaserData`. Its messages are CDR, its schem
     publisher              the components that publish it, separated by commas
     middleware             over which it was heard
     pattern                `publish`; `command` in a recording of commands
+    host                   of its publisher, if that is another one than the host that records
     offered_qos_profiles   QoS of the publisher, in the words of rosbag2
 """
 
@@ -39,6 +40,8 @@ class Topic:
     middleware: str = ""
     qos: QoS = DEFAULT_QOS
     pattern: Pattern = Pattern.PUBLISH
+    host: str = ""
+    """Of its publisher, by its name in the network; "" for the host that records."""
 
     @property
     def in_file(self) -> str:
@@ -56,7 +59,7 @@ class Topic:
             "middleware": self.middleware,
             "pattern": str(self.pattern),
             "offered_qos_profiles": json.dumps([qos_profile(self.qos)]),
-        }
+        } | ({"host": self.host} if self.host else {})
 
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}

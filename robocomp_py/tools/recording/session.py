@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ...contract.interface import Pattern
-from ...errors import RobocompError
+from ...errors import HostUnreachable, RobocompError
 from ...transports.base import Heard as Headed
 from ...wire.codec import Payload
 from ..access import Access, Subscription
+from ..far import FarLink
 from ..network import Channel, Network, NotUnderstood
 from .layout import Topic
 from .writer import Convert, to_cdr
@@ -20,7 +21,8 @@ DEPTH = 100
 """Messages of a topic that may wait inside of a middleware."""
 
 _LOOK = 1.0
-"""Seconds between two looks for topics that are new. A look takes at most a tenth of the time."""
+"""Seconds between two looks for topics that are new. A look takes at most half of the time, and a tenth of the
+processor's."""
 
 
 class Track(Protocol):
@@ -47,6 +49,11 @@ class Followed:
     channel: Channel
     track: Track
     link: Subscription
+
+    @property
+    def host(self) -> str:
+        """The name of another host that it comes from, or ""."""
+        return host_of(self.link)
 
     @property
     def lost(self) -> int:
@@ -88,8 +95,10 @@ class Session:
         begun = time.monotonic()
         if begun < self._next:
             return
+        used = time.thread_time()
         network = self._census()
-        self._next = begun + max(_LOOK, 10 * (time.monotonic() - begun))  # what follows is done once for each topic
+        ended = time.monotonic()
+        self._next = max(begun + _LOOK, 2 * ended - begun, begun + 10 * (time.thread_time() - used))
         for channel in chosen(network, self._wanted):
             self._follow(channel)
         self._also(network)
@@ -98,7 +107,8 @@ class Session:
         try:
             operation = channel.operation
             key = (channel.name, operation.fingerprint)
-            if key in self._followed:
+            if known := self._followed.get(key):
+                listen_again(known.link)
                 return
             self._followed[key] = self._opened(channel)
         except NotUnderstood as exc:
@@ -107,12 +117,13 @@ class Session:
             self._complain(channel.name, f"{channel.name}: {exc}")
             return
         else:
-            self._tell(f"{channel.name} over {channel.middlewares[0]}")
+            self._tell(f"{channel.name} {way_of(channel)}")
 
     def _opened(self, channel: Channel) -> Followed:
         middleware = channel.middlewares[0]
         publishers = ",".join(dict.fromkeys(each.told.owner for each in channel.providers if each.told.owner))
-        topic = Topic(channel.name, channel.operation, publishers, middleware, channel.qos)
+        host = channel.via.host if channel.via else ""
+        topic = Topic(channel.name, channel.operation, publishers, middleware, channel.qos, host=host)
         codec = self._access.codec(channel)
         track = self._recorder.track(topic, to_cdr(codec, channel.operation.request))
 
@@ -125,6 +136,24 @@ class Session:
         if (name, text) not in self._failed:
             self._failed.add((name, text))
             self._tell(text)
+
+
+def host_of(link: Subscription | None) -> str:
+    """The name of another host that a subscription hears, or ""."""
+    return link.host if isinstance(link, FarLink) else ""
+
+
+def listen_again(link: Subscription | None) -> None:
+    """On a host that was lost, and is there again. Raises RobocompError if it can not be heard for another reason."""
+    if isinstance(link, FarLink) and (error := link.error):
+        link.open()
+        if not isinstance(error, HostUnreachable):
+            raise error
+
+
+def way_of(channel: Channel) -> str:
+    """How a channel is heard, for people."""
+    return f"over {channel.middlewares[0]}" + (f" of {channel.via.host}" if channel.via else "")
 
 
 def chosen(network: Network, wanted: Sequence[str]) -> list[Channel]:

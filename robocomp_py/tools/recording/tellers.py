@@ -24,7 +24,7 @@ from ..calls import tellers
 from ..leases import LEASE
 from ..network import Channel, Network, NotUnderstood
 from .calls import calls_topic, info_octets, joined, log_octets, logs_topic
-from .session import DEPTH, Track, Tracks
+from .session import DEPTH, Track, Tracks, host_of, listen_again, way_of
 
 _AT_ONCE = 8
 """Components that are asked at the same time to tell."""
@@ -48,6 +48,11 @@ class Teller:
     unknown: int = 0
     """Calls of channels that are not announced."""
     malformed: int = 0
+
+    @property
+    def host(self) -> str:
+        """The name of another host that it runs on, or ""."""
+        return host_of(self.link)
 
     @property
     def lost(self) -> int:
@@ -108,7 +113,7 @@ class Tellers:
             self._lease(network, each, calls=each in callers)
         for channel in network.stock("IntrospectionPub"):
             component, _, operation = channel.name.rpartition("/IntrospectionPub/")
-            if channel.providers and self._is_wanted(operation) and (component, operation) not in self._found:
+            if channel.providers and self._is_wanted(operation):
                 self._follow(channel, component, operation)
 
     def close(self) -> None:
@@ -153,6 +158,9 @@ class Tellers:
     def _follow(self, channel: Channel, component: str, operation: str) -> None:
         what, kind = ("calls", Call) if operation == "called" else ("logs", Record)
         try:
+            if known := self._found.get((component, operation)):
+                listen_again(known.link)
+                return
             pick = _picker(channel, kind)
             sink = self._called if operation == "called" else self._logged
             decode = self._access.codec(channel).decoder(channel.operation.request)
@@ -163,7 +171,7 @@ class Tellers:
             self._complain(channel.name, f"{channel.name}: {exc}")
             return
         self._found[component, operation] = teller
-        self._tell(f"{what} of {component} over {channel.middlewares[0]}")
+        self._tell(f"{what} of {component} {way_of(channel)}")
 
     def _take(
         self,

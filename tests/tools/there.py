@@ -1,4 +1,4 @@
-"""`python -m tests.client.there`: components of another host. They end with their standard input."""
+"""`python -m tests.tools.there`: components of another host. They end with their standard input."""
 
 from __future__ import annotations
 
