@@ -9,7 +9,6 @@ States change only inside the monitor of the component. `poll` may be called fro
 
 from __future__ import annotations
 
-import inspect
 import logging
 import threading
 from collections.abc import Callable, Generator
@@ -281,8 +280,3 @@ class _Result:
         if isinstance(value, DeclaredError):
             raise value
         return value
-
-
-def is_steps(method: object) -> bool:
-    """Whether a method makes a generator, as handlers of actions do."""
-    return inspect.isgeneratorfunction(inspect.unwrap(method)) if callable(method) else False

@@ -212,8 +212,3 @@ _ALL = (
 
 TAGS: Mapping[str, Tag] = MappingProxyType({each.name: each for each in _ALL})
 """All tags by their names in lower case."""
-
-MOVABLE = frozenset(
-    ("transform", "translation", "rotation", "joint", "prismaticjoint", "differentialrobot", "omnirobot")
-)
-"""The tags whose nodes have a pose that can be set while a model is used."""

@@ -19,7 +19,6 @@ def test_what_sd_notify_defines_is_understood() -> None:
     told += b"\nMAINPID=7\nNOTIFYACCESS=exec"
     assert read(told) == Note(
         ready=True,
-        reloading=True,
         stopping=True,
         status="a [31m b",
         fed=True,

@@ -46,7 +46,6 @@ class Note:
     """One datagram. What is not known, or nonsense, is passed over."""
 
     ready: bool = False
-    reloading: bool = False
     stopping: bool = False
     status: str | None = None
     fed: bool = False
@@ -79,8 +78,6 @@ def _read(note: Note, key: str, value: str) -> None:
     match key:
         case "READY=":
             note.ready = note.ready or value == "1"
-        case "RELOADING=":
-            note.reloading = value == "1"
         case "STOPPING=":
             note.stopping = note.stopping or value == "1"
         case "STATUS=":
