@@ -31,6 +31,7 @@ from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document, NotToml
 from ..runtime.effective import toml
+from ..runtime.keys import KEYS
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
 from ..transports.deployment import deployments
@@ -745,7 +746,7 @@ class _Planner:
 
 def _with_instance(part: str, rest: str, nodes: Sequence[Node]) -> str:
     """The full key for a key without an instance, if an instance has such a parameter; "" if none has."""
-    if part not in settings.KEYS:
+    if part not in KEYS:
         return ""
     name = re.split(r"[.\[]", rest)[0]
     having = [each.name for each in nodes if part == "params" and _has(each.component.params, name)]

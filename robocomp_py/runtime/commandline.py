@@ -22,6 +22,7 @@ from ..transports.base import find_transport
 from . import settings
 from .commonbehavior import port_of
 from .ending import GRACE
+from .keys import is_assignment
 from .settings import Settings
 from .worker import Worker
 
@@ -92,7 +93,7 @@ def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
         match option:
             case _ if value.startswith("-") or not value.strip():
                 return None
-            case "--set" if settings.is_assignment(value):
+            case "--set" if is_assignment(value):
                 options.set.append(value)
             case "--config":
                 options.config = Path(value)
@@ -105,7 +106,7 @@ def read_plain(arguments: Sequence[str]) -> argparse.Namespace | None:
 
 def _assignment(text: str) -> str:
     """The argument of `--set`, if its form is valid."""
-    if not settings.is_assignment(text):
+    if not is_assignment(text):
         raise argparse.ArgumentTypeError(f"`{text}` is not key=value, as in --set params.max_speed=0.5")
     return text
 

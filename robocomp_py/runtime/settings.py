@@ -52,14 +52,26 @@ from .. import installed, plugins
 from ..contract.component import MAX_SECONDS, Component, Port
 from ..contract.interface import Verb
 from ..contract.middleware import carrier
-from ..contract.parameters import Complaint, Key, Parameter, ParameterKind, ParameterSet, dotted
+from ..contract.parameters import Complaint, Key, Parameter, ParameterKind, ParameterSet
 from ..contract.parameters import check as check_parameters
 from ..contract.qos import DEFAULT_QOS, DEPTHS, PRESETS, TIMES, WORDS, QoS
 from ..errors import ConfigurationError
-from ..spelling import closest, unknown
+from ..spelling import unknown
 from ..wire import names
 from .document import Document as Document
 from .document import Renamed, has_sections, parsed, put
+from .keys import (
+    CLOCK_KEYS,
+    COMPONENT_KEYS,
+    KEYS,
+    OLDER_NAMES,
+    PORT_KEYS,
+    PREFIX,
+    means_parameter,
+    parse_key,
+    put_into,
+    spelled,
+)
 
 DEADLINE = 5.0
 """Default of the longest duration of a call, in seconds."""
@@ -69,13 +81,8 @@ STARTUP_TIMEOUT = 60.0
 
 LOG_LEVELS = ("debug", "info", "warning", "error")
 
-PREFIX = "ROBOCOMP__"
-"""Prefix of the environment variables that set keys."""
-
 VARIABLE = "environment variable "
 """Stands before the name of such a variable where it is named as the origin of a value."""
-
-KEYS = ("namespace", "middleware", "component", "timers", "clock", "params", "ports", "offers", "transports")
 
 
 @dataclass(frozen=True)
@@ -266,12 +273,6 @@ def _as_toml(text: str, path: Path) -> dict[str, Any] | None:
     return data if data.keys() <= set(KEYS) else None
 
 
-def is_assignment(text: str) -> bool:
-    """Whether a text has the form `key=value`. The key may be unknown."""
-    name, equals, _ = text.partition("=")
-    return bool(equals) and all(map(_KEY.fullmatch, name.strip().split(".")))
-
-
 def override(document: Document, assignment: str, origin: str = "") -> None:
     """Apply `key=value`. A value that is not TOML is a plain string. Raises ConfigurationError.
 
@@ -280,8 +281,8 @@ def override(document: Document, assignment: str, origin: str = "") -> None:
     name, equals, text = assignment.partition("=")
     if not equals or not name.strip():
         raise ConfigurationError(f"--set {assignment}: not key=value, as in params.max_speed=0.5")
-    key = _parse_key(name.strip())
-    if key[0] not in KEYS and document.params and _means_parameter(str(key[0]), document.params):
+    key = parse_key(name.strip())
+    if key[0] not in KEYS and document.params and means_parameter(str(key[0]), document.params):
         key = ("params", *key)
     _set(document, key, text.strip(), origin or f"--set {assignment}")
 
@@ -294,7 +295,7 @@ def environment(document: Document, component: Component, variables: Mapping[str
     for name in sorted((each for each in variables if each.upper().startswith(PREFIX)), key=_by_number):
         origin = f"{VARIABLE}{name}"
         try:
-            key = _spelled(component, name[len(PREFIX) :].split("__"))
+            key = spelled(component, name[len(PREFIX) :].split("__"))
         except ValueError as exc:
             raise ConfigurationError(f"{origin}: {exc}") from exc
         _set(document, key, variables[name].strip(), origin)
@@ -307,9 +308,9 @@ def _by_number(name: str) -> list[str | int]:
 
 
 def _set(document: Document, key: Key, text: str, origin: str) -> None:
-    if key in _OLDER_NAMES:
-        document.renamed += (Renamed(key, _OLDER_NAMES[key], origin),)
-        key = _OLDER_NAMES[key]
+    if key in OLDER_NAMES:
+        document.renamed += (Renamed(key, OLDER_NAMES[key], origin),)
+        key = OLDER_NAMES[key]
     parameter = _parameter(document.params, key[1:]) if document.params and key[0] == "params" else None
     try:
         read = tomllib.loads(f"value = {text}")
@@ -319,7 +320,7 @@ def _set(document: Document, key: Key, text: str, origin: str) -> None:
     value = read["value"] if is_toml else parameter.read(text) if parameter else text
     if parameter and parameter.kind in (ParameterKind.STRING, ParameterKind.ENUM) and not isinstance(value, str):
         value = text  # a string may look like a number
-    _put(document.data, key, value, origin)
+    put_into(document.data, key, value, origin)
     if value != {}:
         document.overrides.append((key, origin))
 
@@ -337,7 +338,7 @@ def settle(document: Document, component: Component, generated_for: str) -> None
 
 def _accept_older_names(document: Document) -> None:
     """Move the values that a file gives under older names; a value under the present name holds."""
-    for written, key in _OLDER_NAMES.items():
+    for written, key in OLDER_NAMES.items():
         table = document.data.get(str(written[0]))
         if isinstance(table, dict) and written[-1] in table:
             document.renamed += (Renamed(written, key),)
@@ -365,13 +366,6 @@ def _complete(
             document.overrides.append((each.key, document.place(each.said_by)))
         else:
             document.complaints = (*document.complaints, each)
-
-
-def _means_parameter(name: str, params: ParameterSet) -> bool:
-    """Whether an unknown first part of a key is the name of a parameter, possibly misspelled."""
-    names = [*(each.name for each in params.parameters), *(each.name for each in params.lists)]
-    near = closest(name, [*KEYS, *names])
-    return name in names or (near in names and near not in KEYS)
 
 
 def _parameter(params: ParameterSet, key: Key) -> Parameter | None:
@@ -414,7 +408,7 @@ class _Checker:
     def settings(self, data: Mapping[str, Any], instance: str) -> Settings:
         self._known(data, (), KEYS)
         own = self._table(data, "component", ())
-        self._known(own, ("component",), _COMPONENT_KEYS)
+        self._known(own, ("component",), COMPONENT_KEYS)
         params, wrong = check_parameters(
             self._component.params or ParameterSet(self._component.name), self._table(data, "params", ())
         )
@@ -468,7 +462,7 @@ class _Checker:
 
     def _clock(self, data: Mapping[str, Any]) -> ClockSettings | None:
         at = ("clock",)
-        self._known(data, at, _CLOCK_KEYS)
+        self._known(data, at, CLOCK_KEYS)
         followers = data.get("followers", [])
         if not isinstance(followers, list) or not all(isinstance(each, str) for each in followers):
             message = f'`followers` must be a list of instances, as in ["camera"], not {followers!r}'
@@ -503,13 +497,13 @@ class _Checker:
             operations = known[name].interface.called(known[name].verb)
             found[(name,)] = self._port(known[name], table, (*at, name), operations)
             for operation in operations:
-                if operation in table and operation not in _PORT_KEYS:
+                if operation in table and operation not in PORT_KEYS:
                     inner = self._table(table, operation, (*at, name))
                     found[(name, operation)] = self._port(known[name], inner, (*at, name, operation), ())
         return found
 
     def _port(self, port: Port, table: Mapping[str, Any], at: Key, operations: Iterable[str]) -> PortSettings:
-        self._known(table, at, (*_PORT_KEYS, *operations))
+        self._known(table, at, (*PORT_KEYS, *operations))
         return PortSettings(
             middleware=self._text(table, "middleware", at),
             source=self._source(table, at),
@@ -617,97 +611,3 @@ class _Checker:
 
     def _complain(self, code: str, key: Key, message: str) -> None:
         self.complaints.append(Complaint(key, message, code))
-
-
-_COMPONENT_KEYS = ("period", "log", "startup_timeout", "watchdog", "diary")
-_CLOCK_KEYS = ("leader", "followers", "speed", "lost", "mode")
-_OLDER_NAMES: Mapping[Key, Key] = {("component", "patience"): ("component", "startup_timeout")}
-"""Keys of earlier versions, which are still accepted with a warning."""
-_PORT_KEYS = ("middleware", "from", "deadline", "qos", "also")
-_KEY = re.compile(r'([A-Za-z0-9_-]+|"[^".=]+")((?:\[\d+\])*)')
-
-
-def _parse_key(text: str) -> Key:
-    parts: list[str | int] = []
-    for piece in text.split("."):
-        found = _KEY.fullmatch(piece)
-        if not found:
-            raise ConfigurationError(f"--set {text}: `{piece}` is not a valid key")
-        parts.append(found[1].strip('"'))
-        parts += [int(number) for number in re.findall(r"\d+", found[2])]
-    return tuple(parts)
-
-
-def _spelled(component: Component, parts: Sequence[str]) -> Key:
-    """The key with these parts, whatever their case. Raises ValueError if two keys match."""
-    known = _keys_of(component)
-    if not _spellings(parts[0], known) and component.params and _means_parameter(parts[0].lower(), component.params):
-        parts = ["params", *parts]
-    key: Key = ()
-    for part in parts:
-        if not part:
-            raise ValueError(f"a part of the key is empty; write it as in {PREFIX}COMPONENT__PERIOD")
-        if part.isdecimal() and _ITEM in known:
-            key, known = (*key, int(part)), known[_ITEM]
-            continue
-        found = _spellings(part, known)
-        if len(found) > 1:
-            raise ValueError(f"`{part}` is ambiguous: write it exactly as {' or '.join(f'`{each}`' for each in found)}")
-        name = found[0] if found else part.lower()
-        key, known = (*key, name), known.get(name, {})
-    return key
-
-
-_Keys = Mapping[str, "_Keys"]
-_ITEM = "[]"
-"""Stands for any item of a list."""
-
-
-def _keys_of(component: Component) -> _Keys:
-    """All keys of a component's configuration, as nested tables."""
-    port = {**_words(_PORT_KEYS), "qos": _words(f.name for f in fields(QoS))}
-    ports = {each.name: dict.fromkeys(each.interface.called(each.verb), port) | port for each in component.ports}
-    return {
-        **_words(KEYS),
-        "component": _words(_COMPONENT_KEYS),
-        "timers": _words(each.name for each in component.timers),
-        "clock": _words(_CLOCK_KEYS),
-        "params": _keys_of_params(component.params) if component.params else {},
-        "ports": ports,
-        "offers": {},
-        "transports": _words(installed.transports()),
-    }
-
-
-def _words(names: Iterable[str]) -> dict[str, _Keys]:
-    """Keys that are not tables."""
-    return {name: {} for name in names}
-
-
-def _keys_of_params(params: ParameterSet) -> _Keys:
-    lists = {each.name: {_ITEM: _keys_of_params(each.items)} for each in params.lists}
-    return {each.name: {} for each in params.parameters} | lists
-
-
-def _spellings(name: str, known: Iterable[str]) -> list[str]:
-    """The known names that equal a name except for case; only the name itself if it is known."""
-    return [name] if name in known else [each for each in known if each.lower() == name.lower()]
-
-
-def _put(data: dict[str, Any], key: Key, value: Any, origin: str) -> None:
-    """Set a key, creating missing tables, and the next item of a list if its number is given."""
-    table: Any = data
-    for depth, part in enumerate(key):
-        inner: Any = value if depth == len(key) - 1 else [] if isinstance(key[depth + 1], int) else {}
-        if isinstance(part, int):
-            if not isinstance(table, list) or part > len(table):
-                raise ConfigurationError(f"{origin}: there is no item {dotted(key[: depth + 1])}")
-            if part == len(table):
-                table.append(inner)
-        elif not isinstance(table, dict):
-            raise ConfigurationError(f"{origin}: {dotted(key[:depth])} is not a table")
-        elif part not in table:
-            table[part] = inner
-        if depth == len(key) - 1 and (value != {} or not isinstance(table[part], dict)):  # {} adds nothing to a table
-            table[part] = value
-        table = table[part]
