@@ -20,7 +20,8 @@ from pathlib import Path
 
 from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from robocomp_py.runtime.RoboCompIntrospection import INTROSPECTION_INTERFACE
-from robocomp_py.transports.directory import Directory, Entry
+from robocomp_py.transports.directory import Directory
+from robocomp_py.transports.members import Entry
 
 from .components import COMPONENTS, component
 from .pair import place

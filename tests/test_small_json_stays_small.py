@@ -10,8 +10,8 @@ import pytest
 
 from robocomp_py.deploy.control import LINE, read_request
 from robocomp_py.errors import DecodeError, DeploymentError
-from robocomp_py.transports.directory import Member
 from robocomp_py.transports.keyfiles import Rights
+from robocomp_py.transports.members import Member
 from robocomp_py.transports.zeromq import remote
 
 ENTRY = json.dumps({"role": "calls", "channel": "c", "fingerprint": 1, "text": ""})

@@ -27,9 +27,12 @@ from typing import Any
 
 from robocomp_py.errors import TransportError
 from robocomp_py.transports.deployment import Deployment, Reached
-from robocomp_py.transports.directory import Directory, Entry, Member, Membership, member_of, runtime_dir, told_of
+from robocomp_py.transports.directory import Directory
+from robocomp_py.transports.members import Entry, Member, member_of, told_of
+from robocomp_py.transports.membership import Membership
 from robocomp_py.transports.network import Helper, Network, Wiring
 from robocomp_py.transports.permissions import Graph
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 log = logging.getLogger("robocomp.transport.unixsock")
 

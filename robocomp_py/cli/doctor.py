@@ -170,7 +170,7 @@ def _complaints(network: str, processes: Iterable[ProcessStatus], connection: Co
 def _killed() -> Iterator[str]:
     """The networks whose launcher was killed, and left a note of what it had started."""
     from ..deploy.place import Place
-    from ..transports.directory import runtime_dir
+    from ..transports.runtime_folder import runtime_dir
 
     for note in sorted(runtime_dir("deploy").glob("*/leftovers")):
         if Place(note.parent.name).runner() is None and note.exists():

@@ -18,7 +18,7 @@ from typing import Any, Self
 
 from ..errors import DeploymentError, HostUnreachable
 from ..runtime.records import record_of
-from ..transports.directory import runtime_dir
+from ..transports.runtime_folder import runtime_dir
 from .agents import Life
 from .naming import meant
 from .place import Place

@@ -255,7 +255,7 @@ def _lock(held: int, path: Path) -> bool:
 
 
 def _deployment(name: str) -> Path:
-    from ..transports.directory import runtime_dir  # the keeper is told where, and starts sooner without
+    from ..transports.runtime_folder import runtime_dir  # the keeper is told where, and starts sooner without
 
     try:
         return runtime_dir("deploy", name)

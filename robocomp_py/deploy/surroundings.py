@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ..transports.deployment import deployment_of
-from ..transports.directory import LONGEST_SOCKET, runtime_dir
+from ..transports.directory import LONGEST_SOCKET
+from ..transports.runtime_folder import runtime_dir
 from .place import Place, running
 from .plan import Plan
 

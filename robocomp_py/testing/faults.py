@@ -48,7 +48,7 @@ import pytest
 from ..contract.qos import QoS, Reliability
 from ..errors import Timeout, Unreachable
 from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transport
-from ..transports.directory import runtime_dir
+from ..transports.runtime_folder import runtime_dir
 from ..wire.codec import Payload
 from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
 from .parts import TransportSuite, in_time, processes, start_process

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Self
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of
-from ..transports.directory import runtime_dir
 from ..transports.permissions import OPERATOR
+from ..transports.runtime_folder import runtime_dir
 from .census import Seen, check_names, take_census, take_each
 from .network import Network
 

@@ -16,9 +16,9 @@ from ..errors import Closed, ContractMismatch, Timeout, TransportError, Unreacha
 from ..wire.codec import Payload
 from ..wire.header import Flag, ReplyHeader, random_id
 from .base import STATUSES, Channel, Reply, Status, SupportsQuestion
-from .directory import Entry, Member
 from .directory_transport import DirectoryLink, Reached, T
 from .link import accepted
+from .members import Entry, Member
 from .pending import Pending
 from .replies import Numbered
 

@@ -12,9 +12,11 @@ from typing import Any, Protocol, TypeVar
 from ..contract.qos import traits
 from ..wire.header import clock
 from .base import Channel, SupportsGathering
-from .directory import Directory, Entry, Found, Membership
+from .directory import Directory
 from .limits import IDLE_TICK, ROLL_CALL
 from .link import BaseLink, BaseTransport, L, R
+from .members import Entry, Found
+from .membership import Membership
 
 _SERVING = ("serves", "receives")
 

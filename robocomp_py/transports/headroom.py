@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from .directory import runtime_dir
+from .runtime_folder import runtime_dir
 
 log = logging.getLogger("robocomp.transport")
 

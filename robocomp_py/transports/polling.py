@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 from ..wire.header import random_id
 from .base import TransportConfig
-from .directory import Directory, runtime_dir
+from .directory import Directory
 from .leader_followers import Job, LeaderFollowers
+from .runtime_folder import runtime_dir
 from .server import ServingTransport
 
 TICK = 0.1

@@ -21,7 +21,8 @@ from ..contract.interface import Pattern
 from ..contract.qos import QoS, Shortfall, duration, from_traits, shortfalls
 from ..wire.codec import Payload
 from .base import Channel, Heard, Sink, Source, Statistics
-from .directory import Directory, Found
+from .directory import Directory
+from .members import Found
 from .senders import From, publisher, signing
 
 log = logging.getLogger("robocomp.transport")

@@ -32,9 +32,9 @@ from ..wire.cdr import Cdr
 from ..wire.codec import MAX_BYTES, Codec, Payload
 from .base import Capability, Reply, TransportConfig
 from .client import CallingLink, CommandingLink, FindingLink
-from .directory import Entry, Member
 from .leader_followers import Job
 from .link import Ends
+from .members import Entry, Member
 from .polling import PollingTransport
 from .server import CommandInlet, Server, ServingLink, dispatch
 from .topics import PublishingLink, SubscribingLink

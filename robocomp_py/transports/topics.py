@@ -11,10 +11,10 @@ from ..contract.qos import from_traits
 from ..wire.codec import Payload
 from ..wire.header import Publication, pack_publication, random_id
 from .base import Channel, Sink, Source, SupportsSources, depth_of
-from .directory import Found
 from .directory_transport import DirectoryLink, T
 from .leader_followers import Job, Lane
 from .ledger import Ledger
+from .members import Found
 from .reception import Reception, living
 
 Fields = tuple[int, int, int, int, int]

@@ -9,14 +9,18 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.deploy.launcher.clearing import clear_up
-from robocomp_py.transports.directory import Directory, Entry, runtime_dir
+from robocomp_py.transports.directory import Directory
 from robocomp_py.transports.exclusive import claim
+from robocomp_py.transports.members import Entry
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 ENTRY = Entry("serves", "world/Laser/getLaserData", 1, "")
 
 KILLED = """
 import os, signal
-from robocomp_py.transports.directory import Directory, Entry, runtime_dir
+from robocomp_py.transports.directory import Directory
+from robocomp_py.transports.members import Entry
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.exclusive import claim
 folder = runtime_dir() / "zeromq"
 member = Directory(folder).join("world")

@@ -25,7 +25,7 @@ from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Transport, TransportConfig, find_transport
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 from .pages import ROOT, Command, File, blocks, steps
 

@@ -29,7 +29,8 @@ from robocomp_py.tools.census import take_census
 from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.tap import Message, Presence, tapped
 from robocomp_py.transports.base import find_transport
-from robocomp_py.transports.directory import Directory, Entry, state_of
+from robocomp_py.transports.directory import Directory, state_of
+from robocomp_py.transports.members import Entry
 
 from ..runtime.components import Calculator, Diary
 from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station

@@ -45,7 +45,7 @@ from robocomp_py.tools.doctor.facts import (
 from robocomp_py.tools.network import End, Network
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..runtime.components import Calculator, Pupil
 from ..runtime.test_run import make, running

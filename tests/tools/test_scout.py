@@ -40,7 +40,7 @@ from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.tools.survey import merged, survey, told_in
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Tuned

@@ -21,8 +21,11 @@ import pytest
 from robocomp_py.errors import ConfigurationError, TransportError
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports import directory as directory_module
-from robocomp_py.transports.directory import Directory, Entry, runtime_dir
+from robocomp_py.transports import membership
+from robocomp_py.transports.directory import Directory
 from robocomp_py.transports.inotify import Watch
+from robocomp_py.transports.members import Entry
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 LASER = Entry("serves", "robot/world/Laser/getLaserData", 1, "text", "ipc://laser")
 
@@ -76,7 +79,8 @@ def test_another_process_sees_it_and_what_a_killed_one_left_is_removed(directory
     code = f"""
 import time
 from pathlib import Path
-from robocomp_py.transports.directory import Directory, Entry
+from robocomp_py.transports.directory import Directory
+from robocomp_py.transports.members import Entry
 member = Directory(Path({str(tmp_path / "transport")!r})).join("victim")
 member.add(Entry("serves", "a/b/c", 1, "text"))
 member.address("socket").touch()
@@ -377,8 +381,8 @@ def test_of_members_elsewhere_nothing_is_read(directory: Directory, monkeypatch:
     for number, member in enumerate(crowd):
         member.add(Entry("serves", f"robot/member{number}/Camera/getImage", 1, "text"))
     read: list[str] = []
-    content = directory_module._content
-    monkeypatch.setattr(directory_module, "_content", lambda path: (read.append(Path(path).stem), content(path))[1])
+    content = directory_module.content_of
+    monkeypatch.setattr(directory_module, "content_of", lambda path: (read.append(Path(path).stem), content(path))[1])
     assert directory.find("serves", "robot/member3/Camera/getImage")
     assert not directory.find("serves", LASER.channel)
     assert read == [crowd[3].id]
@@ -393,8 +397,8 @@ def test_a_file_that_is_in_many_places_is_read_once(directory: Directory, monkey
         for entry in entries:
             member.add(entry)
     read: list[str] = []
-    content = directory_module._content
-    monkeypatch.setattr(directory_module, "_content", lambda path: (read.append(Path(path).stem), content(path))[1])
+    content = directory_module.content_of
+    monkeypatch.setattr(directory_module, "content_of", lambda path: (read.append(Path(path).stem), content(path))[1])
     assert all(directory.find("serves", entry.channel) for entry in entries)
     member.add(LASER)
     assert all(directory.find("serves", entry.channel) for entry in entries)
@@ -441,7 +445,7 @@ def test_an_entry_in_several_folders_is_current_in_all_of_them(watched: tuple[Di
 def test_what_could_not_be_shown_is_shown_the_next_time(directory: Directory, monkeypatch: pytest.MonkeyPatch) -> None:
     member = directory.join("world")
     with monkeypatch.context() as patch:
-        patch.setattr(directory_module, "_link", lambda *_: _without_descriptors("by"))
+        patch.setattr(membership, "link_into", lambda *_: _without_descriptors("by"))
         with pytest.raises(TransportError, match="cannot be written"):
             member.add(LASER)
     other = replace(LASER, channel="robot/world/Laser/getConfiguration")

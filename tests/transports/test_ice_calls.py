@@ -21,7 +21,7 @@ from robocomp_py.testing.faults import memory
 from robocomp_py.testing.parts import A_MOMENT, Inbox, blob, command, put, query, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Caller, Outlet, Reply, Status, Transport, TransportConfig, find_transport
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.wire.codec import Payload
 from tests.freeports import free_port
 

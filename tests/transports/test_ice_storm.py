@@ -22,7 +22,7 @@ from robocomp_py.testing.conformance import Inbox, blob, greet, subscribe, topic
 from robocomp_py.testing.faults import memory
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Outlet, Transport, TransportConfig, find_transport, hosting
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 from .icestorm import free_storm, icestorm, open_ice, place_of, process_of
 

@@ -11,7 +11,7 @@ import pytest
 from robocomp_py.deploy.place import Place
 from robocomp_py.errors import ConfigurationError, DeploymentError
 from robocomp_py.transports import owned
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 
 @pytest.fixture

@@ -42,8 +42,9 @@ from robocomp_py.testing.parts import (
 )
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering, wait_connected
-from robocomp_py.transports.directory import Found, runtime_dir
 from robocomp_py.transports.inotify import Watch
+from robocomp_py.transports.members import Found
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.shm import dispatcher, node, room, samples
 from robocomp_py.transports.shm.early_wakeup import EarlyWakeup
 from robocomp_py.transports.shm.loop import Loop

@@ -20,7 +20,7 @@ from robocomp_py.errors import TransportError
 from robocomp_py.testing.parts import BLOB, Inbox, blob, command, query, topic, unblob
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, TransportConfig
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.shm import heap, node
 from robocomp_py.transports.shm.heap import SPARE
 from robocomp_py.transports.shm.pages import Pages

@@ -8,7 +8,7 @@ from typing import Any
 
 from robocomp_py.contract.qos import QoS, traits
 from robocomp_py.testing.parts import topic
-from robocomp_py.transports.directory import Entry, Found, Member
+from robocomp_py.transports.members import Entry, Found, Member
 from robocomp_py.transports.topics import SubscribingLink
 from robocomp_py.wire.header import Publication, pack_publication, read_publication
 

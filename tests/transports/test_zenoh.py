@@ -47,9 +47,9 @@ from robocomp_py.transports.base import (
     hosting,
     wait_connected,
 )
-from robocomp_py.transports.directory import runtime_dir
 from robocomp_py.transports.exclusive import holder
 from robocomp_py.transports.limits import MOST_AHEAD
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zenoh.client import COMMANDS_AHEAD
 from robocomp_py.transports.zenoh.messages import Message, put
 from robocomp_py.transports.zenoh.session import open_client, open_router

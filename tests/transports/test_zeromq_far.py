@@ -24,8 +24,8 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.parts import in_time
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef, wait_connected
-from robocomp_py.transports.directory import Entry
 from robocomp_py.transports.keyfiles import Rights, read_public
+from robocomp_py.transports.members import Entry
 from robocomp_py.transports.senders import delivered, signing
 from robocomp_py.transports.zeromq import remote
 from robocomp_py.transports.zeromq.curve import Curve, key_pair

@@ -15,7 +15,7 @@ from robocomp_py.testing.conformance import answering, blob, query, topic, unblo
 from robocomp_py.testing.faults import TransportFaults
 from robocomp_py.testing.patience import SCALE, SOON, wait_until
 from robocomp_py.transports.base import Channel, Transport, TransportConfig
-from robocomp_py.transports.directory import Entry
+from robocomp_py.transports.members import Entry
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 
 GREETING = b"\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL".ljust(64, b"\0")

@@ -17,7 +17,7 @@ from robocomp_py.errors import TransportError
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, SupportsSubscribers
-from robocomp_py.transports.directory import Entry, Member
+from robocomp_py.transports.members import Entry, Member
 from robocomp_py.transports.zeromq import guard, remote
 from robocomp_py.transports.zeromq.bounds import SUBSCRIBED, UNFINISHED, Kind
 from robocomp_py.transports.zeromq.frames import topic, welcome_topic

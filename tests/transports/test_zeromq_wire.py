@@ -24,7 +24,8 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import answering, blob, command, query, topic
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
-from robocomp_py.transports.directory import Entry, runtime_dir
+from robocomp_py.transports.members import Entry
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zeromq.topics import Subscriber
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header

@@ -15,7 +15,8 @@ def clear_up() -> None:
     from ... import installed  # needed only at the end
     from ...transports.base import TransportConfig, find_transport
     from ...transports.deployment import deployment_of
-    from ...transports.directory import clear, runtime_dir
+    from ...transports.directory import clear
+    from ...transports.runtime_folder import runtime_dir
 
     for name in installed.transports():
         with contextlib.suppress(OSError, RobocompError):

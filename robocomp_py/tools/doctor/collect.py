@@ -16,6 +16,7 @@ from typing import Any
 from ...errors import RobocompError
 from ...transports import directory
 from ...transports.deployment import deployment_of, deployments
+from ...transports.runtime_folder import runtime_dir
 from .. import asking
 from ..access import Access
 from ..census import Seen, take_each
@@ -133,7 +134,7 @@ def _disks(statvfs: Callable[[Path], os.statvfs_result]) -> Iterable[Space]:
     seen: set[int] = set()
     with contextlib.suppress(RobocompError, OSError):
         for path, purpose in (
-            (directory.runtime_dir(), "sockets, directory entries and logs"),
+            (runtime_dir(), "sockets, directory entries and logs"),
             (Path(tempfile.gettempdir()), "temporary files"),
         ):
             device = path.stat().st_dev
@@ -190,7 +191,7 @@ def leftovers(middlewares: Iterable[str]) -> list[Left]:
     found = []
     for name in middlewares:
         with contextlib.suppress(RobocompError, OSError):
-            living, dead = directory.members_of(directory.runtime_dir(name))
+            living, dead = directory.members_of(runtime_dir(name))
             memory = 0 if living else len(deployment_of(name).memory_files())
             if dead or memory:
                 found.append(Left(name, living, dead, memory))

@@ -22,9 +22,12 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..directory import Directory, Entry, Membership, runtime_dir
+from ..directory import Directory
 from ..leader_followers import Job, LeaderFollowers
 from ..link import BaseTransport
+from ..members import Entry
+from ..membership import Membership
+from ..runtime_folder import runtime_dir
 from .announcing import Announcing
 from .bus import Bus
 from .endpoints import Endpoint, concerned

@@ -25,7 +25,7 @@ class DDSDeployment(Deployment):
     modules = (("cyclonedds", "cyclonedds"),)
 
     def census(self, options: Mapping[str, Any]) -> list[Told]:
-        from ..directory import runtime_dir
+        from ..runtime_folder import runtime_dir
 
         if not options and not any(runtime_dir("dds").glob("served-*/*")):
             return []  # each component serves something

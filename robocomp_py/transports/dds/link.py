@@ -17,8 +17,8 @@ from ..base import (
     Channel,
     about_to_block,
 )
-from ..directory import Entry
 from ..link import BaseLink
+from ..members import Entry
 from .endpoints import Endpoint, Said, user_data
 
 if TYPE_CHECKING:

@@ -22,9 +22,9 @@ from ...wire.header import Flag, clock, pack_request
 from .. import iceoptions
 from ..base import Channel, Reply, Status
 from ..client import CallingLink, CommandingLink, FindingLink
-from ..directory import Entry, Member
 from ..leader_followers import STUCK
 from ..link import accepted
+from ..members import Entry, Member
 from .library import (
     IDEMPOTENT,
     NORMAL,

@@ -13,9 +13,10 @@ from ...wire.codec import MAX_BYTES, Codec
 from ...wire.ice import Ice
 from .. import iceoptions
 from ..base import ANY_QOS, Capability, SupportsHost, TransportConfig
-from ..directory import Directory, runtime_dir
+from ..directory import Directory
 from ..leader_followers import Job, LeaderFollowers
 from ..memory import keep_memory
+from ..runtime_folder import runtime_dir
 from ..server import ServingLink, ServingTransport
 from .library import communicator
 from .objects import Intake, Port, Take

@@ -27,9 +27,9 @@ from functools import partial
 from ...errors import ConfigurationError, TransportError
 from ...threads import NO_THREAD, start_thread
 from ...wire.codec import MAX_BYTES
-from ..directory import runtime_dir
 from ..exclusive import Claim, holder, sweep, try_claim
 from ..iceoptions import HOST, IceOptions, parse_proxy
+from ..runtime_folder import runtime_dir
 from ..unsafe import end_with_parent
 
 log = logging.getLogger("robocomp.transport.ice")

@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ...errors import Closed, ConfigurationError, TransportError
 from ...threads import NO_THREAD, start_thread
 from ...wire.header import clock
-from ..directory import runtime_dir
 from ..leader_followers import belongs
+from ..runtime_folder import runtime_dir
 from . import library
 from .storm import INSTALL, Place
 
 if TYPE_CHECKING:
-    from ..directory import Membership
     from ..iceoptions import IceOptions
     from ..leader_followers import Job
+    from ..membership import Membership
     from .objects import Port, Take
 
 log = logging.getLogger("robocomp.transport.ice")

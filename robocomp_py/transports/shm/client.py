@@ -11,8 +11,8 @@ from ...wire.codec import Payload
 from ...wire.header import Flag, pack_request, reply_at
 from ..base import STATUSES, Channel, Reply, Status, answered
 from ..client import CallingLink, CommandingLink, FindingLink
-from ..directory import Entry, Member
 from ..link import accepted, persist
+from ..members import Entry, Member
 from .early_wakeup import EarlyWakeup
 from .peer import Peer
 from .queues import WAKE_EARLY

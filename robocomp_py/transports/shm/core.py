@@ -15,12 +15,14 @@ from ...errors import TransportError
 from ...wire.codec import Codec
 from ...wire.header import random_id
 from ..base import ANY_QOS, Capability, TransportConfig, options_of
-from ..directory import Directory, Member, runtime_dir
+from ..directory import Directory
 from ..directory_transport import Reached
 from ..exclusive import sweep
 from ..inotify import Watch
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
+from ..members import Member
+from ..runtime_folder import runtime_dir
 from ..server import ServingLink, ServingTransport
 from .codec import ApartCdr
 from .dispatcher import Dispatcher

@@ -19,7 +19,7 @@ class ShmDeployment(Deployment):
     modules = (("iceoryx2", "iceoryx2"),)
 
     def memory_files(self) -> list[Path]:
-        from ..directory import runtime_dir
+        from ..runtime_folder import runtime_dir
         from .room import SHARED_MEMORY, prefix
 
         return list(Path(SHARED_MEMORY).glob(f"{prefix(runtime_dir(self.directory))}*"))

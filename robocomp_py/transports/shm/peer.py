@@ -11,8 +11,9 @@ from pathlib import Path
 
 from ...errors import Unreachable
 from ...wire.header import Flag, pack_request, random_id, reply_at
-from ..directory import Directory, Member
+from ..directory import Directory
 from ..link import persist
+from ..members import Member
 from .node import Node
 from .queues import CONFIRM, ReplyQueue, Sender, packed
 from .receipts import Reader as Receiver

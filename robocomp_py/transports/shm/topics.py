@@ -12,10 +12,10 @@ from ...errors import DecodeError, Timeout, TransportError
 from ...wire.codec import Payload
 from ...wire.header import pack_publication, publication_at, random_id
 from ..base import Channel, Sink, SupportsLoan, SupportsSubscribers, depth_of
-from ..directory import Member
 from ..directory_transport import DirectoryLink
 from ..leader_followers import Job
 from ..limits import BATCH
+from ..members import Member
 from ..topics import SubscribingLink
 from .node import READERS
 from .queues import packed

@@ -34,13 +34,13 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..directory import runtime_dir
 from ..exclusive import is_claimed
 from ..keyfiles import Rights
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import QUERIES_WAITING
 from ..link import BaseLink, BaseTransport
 from ..memory import keep_memory
+from ..runtime_folder import runtime_dir
 from .messages import NO_CONSOLIDATION, BoundedQueue, Message, QueryReplier, direct, put
 from .reachability import Reachability
 from .refusal import why_refused

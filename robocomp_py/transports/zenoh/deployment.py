@@ -21,7 +21,7 @@ class ZenohDeployment(Deployment):
     modules = (("zenoh", "eclipse-zenoh"),)
 
     def census(self, options: Mapping[str, Any]) -> list[Told]:
-        from ..directory import runtime_dir
+        from ..runtime_folder import runtime_dir
 
         if not options and not (runtime_dir("zenoh") / "router.sock").exists():
             return []  # without a router, nothing can be there

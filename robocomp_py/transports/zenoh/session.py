@@ -30,8 +30,9 @@ import zenoh
 
 from ...errors import Closed, ConfigurationError, Refused, TransportError
 from ...wire.codec import MAX_BYTES
-from ..directory import LONGEST_SOCKET, runtime_dir
+from ..directory import LONGEST_SOCKET
 from ..exclusive import Claim, holder, try_claim
+from ..runtime_folder import runtime_dir
 
 log = logging.getLogger("robocomp.transport.zenoh")
 

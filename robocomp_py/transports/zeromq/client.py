@@ -24,8 +24,8 @@ from ..base import (
     answered,
 )
 from ..client import CallingLink, CommandingLink, FindingLink
-from ..directory import Entry, Member
 from ..link import accepted, persist
+from ..members import Entry, Member
 from .frames import Frames, joined, read_reply_frames, topic
 from .peer import Peer
 from .remote import FarStream

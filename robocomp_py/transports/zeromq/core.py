@@ -29,12 +29,14 @@ from ..base import (
     TransportConfig,
     options_of,
 )
-from ..directory import LONGEST_SOCKET, Entry, Member, runtime_dir
+from ..directory import LONGEST_SOCKET
 from ..inotify import Watch
 from ..keyfiles import Rights
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
 from ..link import L
+from ..members import Entry, Member
+from ..runtime_folder import runtime_dir
 from ..server import ServingLink, ServingTransport
 from .bounds import Kind
 from .curve import ZAP, Gate, Secure, configured, why_not

@@ -30,9 +30,10 @@ import zmq
 
 from ...errors import DecodeError
 from ...wire.header import Flag, pack_request, random_id
-from ..directory import Directory, Entry, Found, Member, member_of, told_of
+from ..directory import Directory
 from ..keyfiles import Rights
 from ..leader_followers import Job
+from ..members import Entry, Found, Member, member_of, told_of
 from .bounds import Kind
 from .curve import Secure
 from .frames import Frames, joined, read_reply_frames, topic

@@ -33,7 +33,7 @@ from .frames import OWN_TOPIC_BYTES, is_welcome
 from .sockets import Socket, as_transport_error
 
 if TYPE_CHECKING:
-    from ..directory import Membership
+    from ..membership import Membership
     from .reactor import Reactor
 
 _MOST_WELCOMED = 10_000

@@ -31,11 +31,11 @@ from ..base import (
     SupportsSubscribers,
     depth_of,
 )
-from ..directory import Entry, Member
 from ..directory_transport import DirectoryLink
 from ..leader_followers import Job
 from ..limits import BATCH
 from ..link import persist
+from ..members import Entry, Member
 from ..topics import SubscribingLink
 from .core import TICK
 from .frames import Frames, is_welcome, joined, read_publication_frames, topic, welcome_topic

@@ -18,7 +18,7 @@ from robocomp_py.runtime.ports import type_of
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zenoh.transport import ZenohTransport
 from robocomp_py.wire.cdr import Cdr
 from tests.docs.pages import ROOT, blocks

@@ -14,7 +14,7 @@ import pytest
 from robocomp_py.contract.types import FLOAT32, INT32, TIME, Field, Sequence, Struct
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import Status
-from robocomp_py.transports.directory import runtime_dir
+from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zeromq.frames import read_reply_frames, read_request_frames
 from robocomp_py.wire.messagepack import MessagePack
 from tests.docs.pages import ROOT, File, blocks, steps
