@@ -43,8 +43,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import DeploymentError, HostUnreachable
+from .events import EndRequested, RestartRequested, StopRequested
 from .naming import DEPLOYER, meant
-from .policy import EndRequested, RestartRequested, StopRequested
 from .ring import MOST_LINES, Line
 from .scouting import Scout
 from .snapshot import Network

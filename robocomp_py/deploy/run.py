@@ -23,15 +23,10 @@ from ..spelling import unknown
 from ..transports.base import TransportConfig, hosting
 from ..transports.deployment import deployment_of
 from .agents import Agent, Listener, Usage
-from .host_commands import ABREAST, HostCommands
-from .plan import Plan
-from .policy import (
-    FAILED,
-    UNREACHABLE,
+from .events import (
     Action,
     Along,
     Back,
-    Child,
     EndRequested,
     Event,
     Exited,
@@ -45,13 +40,14 @@ from .policy import (
     RestartRequested,
     Retry,
     Start,
-    State,
     Stop,
     StopRequested,
     Stuck,
-    Supervisor,
     Tick,
 )
+from .host_commands import ABREAST, HostCommands
+from .plan import Plan
+from .policy import FAILED, UNREACHABLE, Child, State, Supervisor
 from .scouting import Scout, Scouted
 from .snapshot import HostStatus, Meter, Network, ProcessStatus, Snapshot
 from .telling import Display, Teller

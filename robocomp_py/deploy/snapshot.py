@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from .agents import Life, Usage
-from .policy import EndRequested, RestartRequested, State, StopRequested
+from .events import EndRequested, RestartRequested, StopRequested
+from .policy import State
 
 if TYPE_CHECKING:
     from .scouting import Scout

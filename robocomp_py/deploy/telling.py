@@ -6,8 +6,7 @@ import signal
 from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol
 
-from .plan import Plan
-from .policy import (
+from .events import (
     Action,
     Along,
     Back,
@@ -23,12 +22,12 @@ from .policy import (
     RestartRequested,
     Retry,
     Start,
-    State,
     StopRequested,
     Stuck,
-    Supervisor,
     Tick,
 )
+from .plan import Plan
+from .policy import State, Supervisor
 
 
 class Display(Protocol):

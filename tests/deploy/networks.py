@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from robocomp_py.deploy.policy import EndRequested, RestartRequested, State, StopRequested
+from robocomp_py.deploy.events import EndRequested, RestartRequested, StopRequested
+from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.scouting import Scout
 from robocomp_py.deploy.snapshot import HostStatus, Network, ProcessStatus, Snapshot
 from robocomp_py.errors import DeploymentError, HostUnreachable

@@ -25,8 +25,9 @@ from robocomp_py.deploy.client import (
     networks,
 )
 from robocomp_py.deploy.control import BEHIND, CLIENTS, LINE, Control, read_request
+from robocomp_py.deploy.events import EndRequested, RestartRequested, StopRequested
 from robocomp_py.deploy.place import Place
-from robocomp_py.deploy.policy import EndRequested, RestartRequested, State, StopRequested
+from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.ring import MOST_LINES, Line, Ring
 from robocomp_py.deploy.scouting import BEHIND as BEHIND_OF_SCOUTS
 from robocomp_py.deploy.scouting import Scout

@@ -9,8 +9,9 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robocomp_py.deploy.events import Exited, Ready, Start, Stop, StopRequested
 from robocomp_py.deploy.ordering import Order, ordered
-from robocomp_py.deploy.policy import Child, Exited, Ready, Start, State, Stop, StopRequested, Supervisor
+from robocomp_py.deploy.policy import Child, State, Supervisor
 
 
 def test_without_circles_everything_is_in_order() -> None:

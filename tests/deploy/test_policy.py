@@ -10,14 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocomp_py.deploy.policy import (
-    UNKILLABLE,
+from robocomp_py.deploy.events import (
     Action,
     Along,
     Back,
-    Child,
     EndRequested,
-    Escalation,
     Event,
     Exited,
     Finish,
@@ -27,18 +24,15 @@ from robocomp_py.deploy.policy import (
     Left,
     Lost,
     Ready,
-    Restart,
     RestartRequested,
     Retry,
     Start,
-    State,
     Stop,
     StopRequested,
     Stuck,
-    Supervisor,
     Tick,
-    When,
 )
+from robocomp_py.deploy.policy import UNKILLABLE, Child, Escalation, Restart, State, Supervisor, When
 
 LIDAR, FOLLOW, SPEECH = Child("lidar"), Child("follow", after=("lidar",)), Child("speech")
 TERM = -int(signal.SIGTERM)

@@ -13,9 +13,10 @@ import pytest
 
 from robocomp_py.contract.interface import Verb
 from robocomp_py.deploy.agents import Abandoned, Agent, Listener, Usage
+from robocomp_py.deploy.events import EndRequested, RestartRequested, StopRequested
 from robocomp_py.deploy.host_commands import ABREAST
 from robocomp_py.deploy.plan import Host, Link, Plan
-from robocomp_py.deploy.policy import EndRequested, Escalation, Restart, RestartRequested, State, StopRequested, When
+from robocomp_py.deploy.policy import Escalation, Restart, State, When
 from robocomp_py.deploy.process import Process
 from robocomp_py.deploy.run import Options, run_plan
 from robocomp_py.deploy.snapshot import Meter, Network, ProcessStatus
