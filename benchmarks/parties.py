@@ -35,6 +35,9 @@ router is none of that: it is the far end's own session, in both; run apart, as 
 FAILURES = (RobocompError, OSError, RuntimeError, ValueError, SubprocessError)
 """Errors that stop the measurement of one party, but not of the others."""
 
+TAKES = 0.005
+"""Seconds that a slow handler takes."""
+
 PATIENCE = 10.0
 """Seconds for an answer, and until both ends have found each other; then the measurement fails."""
 

@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-from ..parties import PATIENCE, Act, Hear, Place
+from ..parties import PATIENCE, TAKES, Act, Array, Hear, Place
 
 IDLE = ("zeromq", "dds", "zenoh", "shm")
 CLIENTS = ("zeromq", "zenoh")
 TOPICS = ("zeromq", "dds", "zenoh")
 
 _SLICE_MS = 100
+
+_THREADS = 8
+"""Those of a pool."""
 
 
 @contextlib.contextmanager
@@ -45,6 +50,25 @@ def server(middleware: str, place: Place) -> Iterator[None]:
 def client(middleware: str, place: Place, number: int) -> Iterator[Act]:
     with contextlib.ExitStack() as opened:
         yield _CLIENTS[middleware](opened, place)
+
+
+@contextlib.contextmanager
+def mixed_server(middleware: str, place: Place) -> Iterator[None]:
+    """A server with a pool of threads. What begins with a one takes as long as the slow handler of ours."""
+    with contextlib.ExitStack() as opened:
+        _POOLS[middleware](opened, place)
+        yield
+
+
+def mixed_client(middleware: str, place: Place, is_slow: bool) -> contextlib.AbstractContextManager[Act]:
+    return client(middleware, place, int(is_slow))
+
+
+def _worked(data: Array) -> Array:
+    """The answer of the mixed server."""
+    if data[0]:
+        time.sleep(TAKES)
+    return data
 
 
 # ZeroMQ: a socket for each topic.
@@ -99,6 +123,37 @@ def _zeromq_server(opened: contextlib.ExitStack, place: Place) -> None:
         raw.send_frames(socket, [identity, *raw.encode(raw.decode(payload))])
 
     _repeating(opened, partial(_zeromq_take, socket, answer))
+
+
+def _zeromq_pool(opened: contextlib.ExitStack, place: Place) -> None:
+    """As the guide of ZeroMQ shows it: a proxy passes requests to threads, each with a socket."""
+    import zmq
+
+    from robocomp_py.transports.zeromq.sockets import new_socket, receive_frames
+
+    from .. import raw_zeromq as raw
+
+    context, inside = zmq.Context(), "inproc://raw-pool"
+    front, back = new_socket(context, zmq.ROUTER), new_socket(context, zmq.DEALER)
+    front.bind(f"ipc://{place.folder}/raw-echo")
+    back.bind(inside)
+
+    def work() -> None:
+        with new_socket(context, zmq.DEALER) as socket, contextlib.suppress(zmq.ContextTerminated):
+            socket.connect(inside)
+            while True:
+                identity, *payload = receive_frames(socket)
+                raw.send_frames(socket, [identity, *raw.encode(_worked(raw.decode(payload)))])
+
+    def relay() -> None:
+        with front, back, contextlib.suppress(zmq.ContextTerminated):
+            zmq.proxy(front, back)
+
+    threads = [threading.Thread(target=each, name="bare") for each in (relay, *[work] * _THREADS)]
+    for thread in threads:
+        opened.callback(thread.join)
+        thread.start()
+    opened.callback(context.term)
 
 
 def _zeromq_client(opened: contextlib.ExitStack, place: Place) -> Act:
@@ -190,6 +245,21 @@ def _zenoh_server(opened: contextlib.ExitStack, place: Place) -> None:
     session.declare_queryable("raw/echo", answer, complete=True)
 
 
+def _zenoh_pool(opened: contextlib.ExitStack, place: Place) -> None:
+    from robocomp_py.transports.zenoh.session import open_router
+
+    from .. import raw_zenoh as raw
+
+    pool = opened.enter_context(ThreadPoolExecutor(_THREADS, "bare"))
+    session = open_router(raw._endpoint(place))
+    opened.callback(session.close)
+
+    def answer(query: Any) -> None:
+        query.reply(query.key_expr, raw.encode(_worked(raw.decode(query.payload.to_bytes()))))
+
+    session.declare_queryable("raw/echo", lambda query: pool.submit(answer, query), complete=True)
+
+
 def _zenoh_client(opened: contextlib.ExitStack, place: Place) -> Act:
     import zenoh
 
@@ -278,4 +348,5 @@ _PUBLISHERS = {
 }
 _SUBSCRIBERS = {"zeromq": _zeromq_subscribers, "zenoh": _zenoh_subscribers, "dds": _dds_subscribers}
 _SERVERS = {"zeromq": _zeromq_server, "zenoh": _zenoh_server}
+_POOLS = {"zeromq": _zeromq_pool, "zenoh": _zenoh_pool}
 _CLIENTS = {"zeromq": _zeromq_client, "zenoh": _zenoh_client}

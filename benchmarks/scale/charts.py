@@ -36,6 +36,13 @@ def charts(rows: Iterable[Stored]) -> dict[str, Chart]:
         ),
         "clients": of("clients", "rate", "One server: calls a second of all clients", "clients", lambda y: f"{y:,g}/s"),
         "clients-p99": of("clients", "p99", "One server: p99 of a call", "clients", us),
+        "mixed": of(
+            "mixed",
+            "factor",
+            "p99 of quick calls beside slow ones, ÷ without them",
+            "clients of the slow one",
+            "{:g} ×".format,
+        ),
         "fanout": of(
             "fanout",
             "cpu",

@@ -7,19 +7,27 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
+from robocomp_py.contract.component import Port
+from robocomp_py.contract.interface import Interface, Operation, Verb
 from robocomp_py.contract.qos import QoS
+from robocomp_py.contract.types import UINT8, Field, Sequence
 from robocomp_py.runtime import ports
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.route import Route, Router
 from robocomp_py.transports.base import Link, Transport, gathering, wait_connected
 
-from ..ours import IMPLEMENTS, PUBLISHES, REQUIRES, SUBSCRIBES, Handlers, echo, news
+from ..ours import BYTES, IMPLEMENTS, PUBLISHES, REQUIRES, SUBSCRIBES, Handlers, echo, news
 from ..ours import connected as opened
-from ..parties import PATIENCE, Act, Array, Hear, Place
+from ..parties import PATIENCE, TAKES, Act, Array, Hear, Place
+
+quick: Operation[Any] = Operation("Benchmark::Quick", "quick", BYTES, (Field("ret", Sequence(UINT8)),))
+slow: Operation[Any] = Operation("Benchmark::Slow", "slow", BYTES)
+QUICK, SLOW = Interface("Benchmark::Quick", (quick,)), Interface("Benchmark::Slow", (slow,))
 
 OURS, RAW = "ours", "raw"
 PARTIES = (OURS, RAW)
@@ -74,14 +82,49 @@ def server(middleware: str, place: Place) -> Iterator[None]:
 
 @contextlib.contextmanager
 def client(middleware: str, place: Place, number: int) -> Iterator[Act]:
+    with _component(middleware, place) as ends, _calling(REQUIRES, echo, *ends) as ask:
+        yield ask
+
+
+class Mixed:
+    """Handlers of both operations."""
+
+    def Quick_quick(self, data: Array) -> Array:
+        return data
+
+    def Slow_slow(self, data: Array) -> None:
+        time.sleep(TAKES)
+
+
+@contextlib.contextmanager
+def mixed_server(middleware: str, place: Place) -> Iterator[None]:
+    """Serves `quick`, which may run beside other handlers, and `slow`."""
     with _component(middleware, place) as (transport, monitor, links):
-        proxy, more = ports.bind_proxy(REQUIRES, _route(transport, 0), monitor)
-        links += more
-        if not all(link.wait_peer(PATIENCE) for link in links):
-            raise TimeoutError(f"{middleware}: no server within {PATIENCE:g} s")
+        for port in (Port(Verb.IMPLEMENTS, QUICK, concurrent=True), Port(Verb.IMPLEMENTS, SLOW)):
+            links += ports.bind_handlers(port, Mixed(), _route(transport, 0), monitor)
         monitor.open()
-        with _inside(monitor):
-            yield lambda data: proxy._ask(echo, (data,), None)
+        yield
+
+
+@contextlib.contextmanager
+def mixed_client(middleware: str, place: Place, is_slow: bool) -> Iterator[Act]:
+    interface, operation = (SLOW, slow) if is_slow else (QUICK, quick)
+    port = Port(Verb.REQUIRES, interface, proxy=ports.Proxy)
+    with _component(middleware, place) as ends, _calling(port, operation, *ends) as ask:
+        yield ask
+
+
+@contextlib.contextmanager
+def _calling(
+    port: Port, operation: Operation[Any], transport: Transport, monitor: Monitor, links: list[Link]
+) -> Iterator[Act]:
+    proxy, more = ports.bind_proxy(port, _route(transport, 0), monitor)
+    links += more
+    if not all(link.wait_peer(PATIENCE) for link in links):
+        raise TimeoutError(f"{port.interface.short}: no server within {PATIENCE:g} s")
+    monitor.open()
+    with _inside(monitor):
+        yield lambda data: proxy._ask(operation, (data,), None)
 
 
 @contextlib.contextmanager

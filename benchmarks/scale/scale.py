@@ -12,12 +12,13 @@ from ..parties import FAILURES
 from ..query import Tell
 from ..rounds import QUICK, Effort
 from ..tables import Table, octets, times_as_much, us
-from . import arrivals, clients, fanout, idle
+from . import arrivals, clients, fanout, idle, mixed
 from .arrivals import Arrivals
 from .clients import Clients
 from .ends import OURS, RAW
 from .fanout import Fanout
 from .idle import Idle
+from .mixed import Mixed
 
 MIDDLEWARES = ("shm", "zeromq", "zenoh", "dds")
 SIZES = (64, 1024, 16 * 1024, 65_536, 262_144, 1_000_000, 4_000_000, 16_000_000, 64_000_000)
@@ -26,11 +27,13 @@ MEGABYTES, DESCRIPTORS, READY = 60.0, 64, 1.0
 """Goals for the most idle publications: megabytes, descriptors, and seconds until they are there."""
 TIMES, FAIR = 1.6, 0.9
 """Goals for many clients: p99 ÷ bare, and Jain's index."""
+MIXED = 2.0
+"""Goal for a quick call while one client calls a slow operation: p99 ÷ p99 without that."""
 FANOUT = 1.3
 """Goal for subscribers: processor time ÷ bare, and p99 ÷ bare."""
 
 Row = Any
-"""`Idle`, `Clients`, `Fanout`, `Arrivals`, or a row of `query` with `part` "sizes"."""
+"""`Idle`, `Clients`, `Mixed`, `Fanout`, `Arrivals`, or a row of `query` with `part` "sizes"."""
 
 
 def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> tuple[list[Row], list[str]]:
@@ -40,6 +43,10 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> tuple[list[Ro
     parts: list[tuple[str, Callable[[str, Any], Iterator[Row]]]] = [
         ("idle", lambda name, at: idle.measure(name, at, idle.NUMBERS[:few])),
         ("clients", lambda name, at: clients.measure(name, at, clients.NUMBERS[:few], 10 * effort.seconds)),
+        (
+            "mixed",
+            lambda name, at: mixed.measure(name, at, mixed.NUMBERS, min(5, effort.rounds), 3 * effort.seconds),
+        ),
         (
             "fanout",
             lambda name, at: fanout.measure(name, at, fanout.NUMBERS[:few], fanout.SIZES, 15 * effort.seconds),
@@ -83,6 +90,13 @@ def tables(rows: Sequence[Row]) -> list[Table]:
             ("clients", "calls a second", "p99", "Jain's index"),
             _of(rows, Clients),
             lambda row: (f"{row.rate:,.0f}", us(row.p99), f"{row.fairness:.3f}"),
+        ),
+        _beside(
+            "scale-mixed",
+            "a server with an operation that takes 5 ms, a client that calls a quick one",
+            ("clients of the slow one", "p99 without them", "p99", "ratio"),
+            _of(rows, Mixed),
+            lambda row: (us(row.alone), us(row.beside), times_as_much(row.factor)),
         ),
         _beside(
             "scale-fanout",
@@ -155,7 +169,12 @@ def _arrivals(rows: Sequence[Arrivals]) -> Table:
 
 
 def findings(rows: Sequence[Row]) -> list[Finding]:
-    return [*_of_idle(_of(rows, Idle)), *_of_clients(_of(rows, Clients)), *_of_fanout(_of(rows, Fanout))] + [
+    return [
+        *_of_idle(_of(rows, Idle)),
+        *_of_clients(_of(rows, Clients)),
+        *_of_mixed(_of(rows, Mixed)),
+        *_of_fanout(_of(rows, Fanout)),
+    ] + [
         Finding(
             "arrivals",
             row.middleware,
@@ -188,6 +207,13 @@ def _of_clients(rows: Sequence[Clients]) -> Iterator[Finding]:
             met = row.rate >= two.rate and row.fairness >= FAIR and late <= TIMES
             shown = f"{row.rate / two.rate:.2f} ×, {times_as_much(late) if raw else 'no bare'}, {row.fairness:.2f}"
             yield Finding("clients", middleware, "", shown, met, value=two.rate / row.rate)
+
+
+def _of_mixed(rows: Sequence[Mixed]) -> Iterator[Finding]:
+    for row in rows:
+        if row.party == OURS and row.number == mixed.NUMBERS[0]:
+            shown = f"{row.factor:.2f} ×, {us(row.beside)}"
+            yield Finding("mixed", row.middleware, "", shown, row.factor <= MIXED, value=row.factor)
 
 
 def _of_fanout(rows: Sequence[Fanout]) -> Iterator[Finding]:

@@ -52,6 +52,12 @@ W = TypeVar("W")
 _AT_LEAST = 0.001
 """Seconds that each middleware of a publication has at least, even if others have used up the deadline."""
 
+_LONG = 0.001
+"""Seconds from which on a handler is long. The thread that receives lets another one receive before it runs such a
+handler, so that handlers which may run beside it do not wait for it."""
+
+_FADES = 0.8
+"""What is left of the duration of an earlier call, after another one."""
 
 _OK, _THROWN = Status.OK, Status.THROWN
 """Outcomes that are answers: an exception that the IDSL declares is one, too. Global names: to look up a member of an
@@ -473,6 +479,8 @@ class BoundHandler:
         self._answering, self._monitor, self._concurrent, self._outside = answering, monitor, concurrent, outside
         self._turn = turn
         self._tally, self._ran, self._waited = tally, tally.latest.append, tally.waited.append
+        self._takes = 0.0
+        """Seconds that the handler takes: the longest of its latest calls, of which earlier ones count less."""
         self._stats = Statistics()
 
     def count_in(self, stats: Statistics) -> None:
@@ -494,8 +502,12 @@ class BoundHandler:
         arrived = _now()
         if not self._concurrent and self._monitor.try_enter():
             try:
+                if self._takes > _LONG:
+                    about_to_block()
                 reply = self._answering.answer(arguments)
-                self._ran(_now() - arrived)
+                took = _now() - arrived
+                self._takes = max(took, _FADES * self._takes)
+                self._ran(took)
                 self._waited(0.0)
                 tally.count += 1
                 if reply.status is not _OK and reply.status is not _THROWN:
@@ -560,10 +572,14 @@ class BoundHandler:
             self._monitor.leave()
 
     def _take_now(self, arguments: tuple[Any, ...], waited: float, finish: Finish | None) -> None:
+        if self._takes > _LONG:
+            about_to_block()
         begun, tally = _now(), self._tally
         if not (is_fine := self._answering.take(arguments)):
             tally.failed += 1
-        self._ran(_now() - begun)
+        took = _now() - begun
+        self._takes = max(took, _FADES * self._takes)
+        self._ran(took)
         self._waited(waited)
         tally.count += 1
         if finish:

@@ -487,7 +487,7 @@ def mismatch(channel: Channel, other: TypeRef) -> str:
     )
 
 
-# A sink or service may make a blocking call on a thread of the transport. It announces this by
+# A sink or service may make a blocking call, or take long, on a thread of the transport. It announces this by
 # `about_to_block`, and another thread of the transport receives meanwhile.
 
 
@@ -499,7 +499,7 @@ _receiving = _Receiving()
 
 
 def about_to_block() -> None:
-    """Announce that this thread is about to wait. Costs nothing on a thread that does not receive."""
+    """Announce that this thread is about to wait, or to take long. Costs nothing on a thread that does not receive."""
     hand_over = _receiving.hand_over
     if hand_over:
         hand_over()

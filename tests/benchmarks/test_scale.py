@@ -17,6 +17,7 @@ from benchmarks.scale.clients import Clients, fairness
 from benchmarks.scale.crowd import Control, Member, together
 from benchmarks.scale.fanout import Fanout
 from benchmarks.scale.idle import Idle
+from benchmarks.scale.mixed import Mixed
 from benchmarks.tables import as_text
 
 from .test_benchmarks import LONG, run
@@ -27,6 +28,11 @@ ROWS: list[Any] = [
         Clients("zeromq", party, number, 1000.0 / factor, 100.0 * number * factor, 0.95)
         for number in (2, 32)
         for party, factor in (("ours", 1.5), ("raw", 1))
+    ),
+    *(
+        Mixed("zeromq", party, number, 200.0, 200.0 * ratio, ratio)
+        for number in (1, 4)
+        for party, ratio in (("ours", 1.5 * number), ("raw", 1.2))
     ),
     *(
         Fanout("zeromq", party, number, size, 1.0 * factor, 2.0, 300.0)
@@ -43,8 +49,8 @@ ROWS: list[Any] = [
 def test_every_part_is_measured_beside_the_bare_library(tmp_path: Path) -> None:
     out, found = run(tmp_path, "--what", "scale", "--only", "zeromq")
     rows = found["scale"]
-    for part, numbers in (("idle", (1, 16)), ("clients", (1, 2))):
-        assert [(row["number"], row["party"]) for row in rows if row.get("part") == part] == [
+    for part, numbers in (("idle", (1, 16)), ("clients", (1, 2)), ("mixed", (1, 4))):
+        assert sorted((row["number"], row["party"]) for row in rows if row.get("part") == part) == [
             (number, party) for number in numbers for party in ("ours", "raw")
         ]
     assert {(row["size"], row["number"], row["party"]) for row in rows if row.get("part") == "fanout"} == {
@@ -66,14 +72,15 @@ def test_fairness_is_one_if_all_have_as_much() -> None:
 
 
 def test_ours_and_the_bare_library_are_in_one_row_and_what_was_not_measured_is_a_dash() -> None:
-    idle, clients, fanout, sizes, arrivals = scale.tables([*ROWS, Idle("shm", "ours", 1, 35.0, 13, 0.02)])
+    idle, clients, mixed, fanout, sizes, arrivals = scale.tables([*ROWS, Idle("shm", "ours", 1, 35.0, 13, 0.02)])
     assert idle.rows[0] == ("zeromq", "1", "31.0 MB", "31.0 MB", "1", "1", "0.01 s", "0.01 s")
     assert idle.rows[-1] == ("shm", "1", "35.0 MB", "–", "13", "–", "0.02 s", "–")
     assert clients.rows[-1][:4] == ("zeromq", "32", "667", "1,000")
+    assert mixed.rows[0] == ("zeromq", "1", "200 µs", "200 µs", "300 µs", "240 µs", "1.50 ×", "1.20 ×")
     assert fanout.rows[0][1] == "1 × 1 KB"
     assert sizes.rows[0][4] == "1.20 ×"
     assert arrivals.rows[0] == ("zeromq", "16, at once", "100", "90", "5", "4", "1")
-    for each in (idle, clients, fanout, sizes, arrivals):
+    for each in (idle, clients, mixed, fanout, sizes, arrivals):
         assert as_text(each)
 
 
@@ -81,6 +88,7 @@ def test_each_goal_is_judged_at_the_largest_number() -> None:
     found = {(each.goal, each.case): each for each in scale.findings(ROWS)}
     assert (found["publications", ""].shown, found["publications", ""].met) == ("286 MB, 256, 0.01 s", False)
     assert (found["clients", ""].shown, found["clients", ""].met) == ("1.00 ×, 1.50 ×, 0.95", True)
+    assert (found["mixed", ""].shown, found["mixed", ""].met) == ("1.50 ×, 300 µs", True)
     assert (found["fanout", "16 × 1 MB"].shown, found["fanout", "16 × 1 MB"].met) == ("1.40 ×, 1.00 ×", False)
     assert (found["arrivals", "256 topics"].shown, found["arrivals", "256 topics"].met) == ("1 of 100", False)
 
@@ -90,7 +98,7 @@ def test_there_is_a_figure_for_each_part() -> None:
     for name, text in drawn.items():
         assert name.startswith("performance-scale-")
         ElementTree.fromstring(text)
-    assert len(drawn) == 9
+    assert len(drawn) == 10
     assert "stroke-dasharray" in drawn["performance-scale-memory.svg"]
     assert "100 MB" in drawn["performance-scale-memory.svg"]
     assert charts.drawn([]) == {}
