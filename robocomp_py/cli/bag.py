@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, print_table
-from .completing import completed
+from .completing import What, completed
 from .live import add_json, positive, reported
 from .record import add_compress, add_splitting, size
 
@@ -65,7 +65,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="tables, other names of types, or with further topics that Foxglove's panels draw",
     )
     for name in ("cut", "convert"):
-        made[name].add_argument("--only", action="append", metavar="NAME", help="only topics of this name; repeatable")
+        about = "only topics of this name; repeatable"
+        completed(made[name].add_argument("--only", action="append", metavar="NAME", help=about), What.RECORDED)
     for name in ("mend", "merge", "cut", "convert"):
         made[name].add_argument("-o", dest="folder", type=Path, required=True, metavar="FOLDER", help="a new folder")
         add_splitting(made[name])

@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,13 +65,17 @@ def candidates(parser: argparse.ArgumentParser, words: Sequence[str], word: str)
         place.pass_by(each)
     option, equals, value = word.partition("=")
     if place.value_of:
-        yield from _values(place.value_of, word)
+        yield from _values(place.value_of, word, place.given)
     elif place.takes_options and equals and (action := place.option(option)) is not None:
-        yield from (Candidate(f"{option}={each.text}", each.about) for each in _values(action, value))
+        yield from (Candidate(f"{option}={each.text}", each.about) for each in _values(action, value, place.given))
     elif place.takes_options and word.startswith("-"):
         yield from place.options(word)
     elif place.positional is not None:
-        yield from _values(place.positional, word)
+        yield from _values(place.positional, word, place.given)
+
+
+_Given = Mapping[str, Sequence[str]]
+"""The words before, by the argument that they are values of."""
 
 
 class _Place:
@@ -80,6 +84,7 @@ class _Place:
     def __init__(self, parser: argparse.ArgumentParser) -> None:
         self._enter(parser)
         self.takes_options = True
+        self.given: dict[str, list[str]] = {}
 
     def _enter(self, parser: argparse.ArgumentParser) -> None:
         self._actions: Sequence[Any] = parser._actions
@@ -129,6 +134,7 @@ class _Place:
             if word in action.choices:
                 self._enter(action.choices[word])
             return
+        self.given.setdefault(action.dest, []).append(word)
         self._taken += 1
         most = action.nargs if isinstance(action.nargs, int) else 1
         if action.nargs not in ("*", "+", argparse.REMAINDER) and self._taken >= most:
@@ -140,7 +146,7 @@ def _help(action: argparse.Action) -> str:
     return (action.help or "").partition(" (default")[0] % {"default": action.default, "prog": ""}
 
 
-def _values(action: argparse.Action, word: str) -> Iterator[Candidate]:
+def _values(action: argparse.Action, word: str, given: _Given) -> Iterator[Candidate]:
     """The values of an argument that begin with a word."""
     if isinstance(action, _SUBCOMMANDS):
         about = help_of_commands(action)
@@ -148,11 +154,12 @@ def _values(action: argparse.Action, word: str) -> Iterator[Candidate]:
     elif action.choices is not None:
         known = (Candidate(str(each)) for each in action.choices)
     else:
-        known = _named(action, word)
-    yield from (each for each in known if each.text.startswith(word))
+        known = _named(action, word, given)
+    there = given.get(action.dest, ())
+    yield from (each for each in known if each.text.startswith(word) and each.text not in there)
 
 
-def _named(action: argparse.Action, word: str) -> Iterator[Candidate]:
+def _named(action: argparse.Action, word: str, given: _Given) -> Iterator[Candidate]:
     """The values of an argument that has no choices."""
     metavar = action.metavar if isinstance(action.metavar, str) else ""
     by: tuple[Values, ...] = vars(action).get("completed", ())
@@ -163,14 +170,14 @@ def _named(action: argparse.Action, word: str) -> Iterator[Candidate]:
         endings = [found[1]]
     for each in by:
         if isinstance(each, What):
-            yield from _names(each, word)
+            yield from _names(each, word, given)
         elif not isinstance(each, str):
             yield from (Candidate(*pair) for pair in each.items())
     if endings or (not by and action.type is Path):
         yield from _files(word, endings)
 
 
-def _names(what: What, word: str) -> Iterator[Candidate]:
+def _names(what: What, word: str, given: _Given) -> Iterator[Candidate]:
     match what:
         case What.FOLDER:
             yield from _files(word, None)
@@ -205,11 +212,86 @@ def _names(what: What, word: str) -> Iterator[Candidate]:
             served = announced.channels(announced.told_in_files(), ("serves",))
             actions = [each.removesuffix("-start") for each in served if each.endswith("-start")]
             yield from map(Candidate, announced.fitting(actions, word))
+        case What.CODE:
+            from ..dsl.explanations import codes
+
+            yield from map(Candidate, codes())
+        case What.RECORDED:
+            yield from _recorded(given.get("recording", ()), word)
+        case What.INSTANCE:
+            yield from _instances(given.get("network", ()))
+        case What.PARAMETER | What.SETTING:
+            yield from _parameters(given.get("component", ()), word, to_set=what is What.SETTING)
         case What.CHANNEL | What.TOPIC | What.CALLABLE:
             from ..tools import announced
 
             found = announced.channels(announced.told_in_files(), _ROLES[what])
             yield from map(Candidate, announced.fitting(found, word))
+
+
+def _instances(networks: Iterable[str]) -> Iterator[Candidate]:
+    """The instances, processes and systems of networks that run."""
+    from ..deploy.client import network_of, running_plan
+    from ..errors import DeploymentError
+
+    for each in networks:
+        try:
+            plan = running_plan(network_of(each)) or {}
+        except DeploymentError:
+            continue
+        for process in plan.get("processes", ()):
+            names = [str(name) for name in process["instances"]]
+            systems = [name.rsplit("/", up)[0] for name in names for up in range(1, name.count("/") + 1)]
+            yield from map(Candidate, [*names, str(process["name"])])
+            yield from (Candidate(name, "a system") for name in systems)
+
+
+def _recorded(paths: Iterable[str], word: str) -> Iterator[Candidate]:
+    """The topics of a recording."""
+    from ..errors import RobocompError
+    from ..tools import announced
+    from ..tools.recording.reader import Recording
+
+    for each in paths:
+        try:
+            with Recording(Path(each).expanduser()) as recording:
+                yield from map(Candidate, announced.fitting(recording.topics, word))
+        except RobocompError:
+            return  # a shell can show no error
+
+
+_ASKING_S = 1.0
+"""Seconds that a component has to tell its parameters: a person waits for them."""
+
+
+def _parameters(components: Sequence[str], word: str, *, to_set: bool) -> Iterator[Candidate]:
+    """The parameters of the component that was named, or `NAME=` and then the values that it takes."""
+    from ..errors import RobocompError
+    from ..tools import params
+    from ..tools.access import Access
+    from ..tools.census import take_files
+
+    network = take_files()
+    known = params.components(network)
+    meant = [each for each in known if f"/{each}".endswith(f"/{components[0]}")] if components else []
+    if len(meant) > 1:
+        meant = [each for each in meant if each == components[0]]
+    if not meant:
+        return
+    try:
+        with Access() as access:
+            found = params.read(access, network, meant[0], _ASKING_S)
+    except (RobocompError, ValueError):
+        return  # a shell can show no error
+    for each in found:
+        about = f"{each.value}; {params.allowed(each)}" + (f"; {each.comment}" if each.comment else "")
+        if not to_set:
+            yield Candidate(each.name, about)
+        elif each.editable and word.startswith(f"{each.name}="):
+            values = each.choices or (("true", "false") if each.type == "bool" else ())
+            yield from (Candidate(f"{each.name}={value}") for value in values)
+        elif each.editable:
+            yield Candidate(f"{each.name}=", about)
 
 
 _ROLES = {

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from .common import FINE, USAGE, WRONG, complain, show
-from .completing import completed
+from .completing import What, completed
 from .hosts import add_hosts, code_of, hosts_of
 from .live import reported
 from .model import declared
@@ -46,7 +46,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Draw a network, or a state machine.", _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "network (.ddsl) or state machine (.smdsl, .scxml)"
-    completed(to.add_argument("file", type=Path, metavar="FILE", help=about), ".ddsl", ".smdsl", ".scxml")
+    completed(to.add_argument("file", type=Path, metavar="FILE", help=about), What.NETWORK, ".ddsl", ".smdsl", ".scxml")
     to.add_argument("--live", action="store_true", help="what runs, beside what the network FILE declares")
     to.add_argument(
         "-o",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, add_include, complain, files_of, show
+from .completing import What, completed
 
 if TYPE_CHECKING:  # running a component must not import the languages
     from ..dsl.diagnostics import Diagnostic
@@ -49,7 +50,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     how = to.add_mutually_exclusive_group()
     how.add_argument("--json", action="store_true", help="one diagnostic a line, as JSON on stdout")
     how.add_argument("--sarif", action="store_true", help="all diagnostics as SARIF 2.1.0 on stdout")
-    how.add_argument("--explain", metavar="CODE", help="what a code means, with examples")
+    completed(how.add_argument("--explain", metavar="CODE", help="what a code means, with examples"), What.CODE)
     to.add_argument(
         "--against", type=Path, metavar="MODEL", help="the .cdsl or .pdsl that configurations (.toml, config) are for"
     )

@@ -8,6 +8,8 @@ import re
 import time
 from dataclasses import dataclass
 
+from .completing import completed
+
 LEVELS = ("debug", "info", "warning", "error", "critical")
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -34,12 +36,13 @@ class Wanted:
 
 
 def add_filters(to: argparse.ArgumentParser) -> None:
-    to.add_argument(
+    level = to.add_argument(
         "--level",
         type=_level,
         metavar="LEVEL",
         help=f"only log records of this level or above: {', '.join(LEVELS)}; leaves out what was printed",
     )
+    completed(level, dict.fromkeys(LEVELS, ""))
     to.add_argument("--since", type=_ago, metavar="TIME", help="only lines since then: 30 (seconds ago), 10m, 2h or 1d")
     to.add_argument(
         "--grep", type=_pattern, metavar="REGEX", help="only lines whose text contains a regular expression"

@@ -18,6 +18,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Self
 
 from .common import FINE, raise_if_signalled
+from .completing import What, completed
 from .live import (
     EXIT_STATUS,
     Absent,
@@ -68,7 +69,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show the log records of running components, in the order of their times."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("components", nargs="*", metavar="COMPONENT", help="robot1/wander, or its last part (default: all)")
+    about = "robot1/wander, or its last part (default: all)"
+    completed(to.add_argument("components", nargs="*", metavar="COMPONENT", help=about), What.COMPONENT)
     to.add_argument("-f", "--follow", action="store_true", help="also print new records as they come, until Ctrl-C")
     add_filters(to)
     to.add_argument("-n", "--lines", type=count, default=100, metavar="N", help="how many past records (default: 100)")

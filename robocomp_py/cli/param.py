@@ -69,12 +69,12 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
     add_json(command("list", "list names and values", "*"))
     one = command("get", "print the value of one parameter")
-    one.add_argument("name", metavar="NAME")
+    completed(one.add_argument("name", metavar="NAME"), What.PARAMETER)
     add_json(one)
     several = command("set", "change parameters, all or none")
-    several.add_argument("values", nargs="+", metavar="NAME=VALUE")
+    completed(several.add_argument("values", nargs="+", metavar="NAME=VALUE"), What.SETTING)
     described = command("describe", "show types, ranges, choices and comments")
-    described.add_argument("name", nargs="?", default="", metavar="NAME")
+    completed(described.add_argument("name", nargs="?", default="", metavar="NAME"), What.PARAMETER)
     add_json(described)
     watched = command("watch", "print changes until Ctrl-C")
     watched.add_argument(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from .bag import add_span, span_of, time_of
 from .common import FINE
-from .completing import completed
+from .completing import What, completed
 from .live import add_json, reported
 
 if TYPE_CHECKING:
@@ -43,12 +43,13 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "recording", type=Path, metavar="RECORDING", help="a folder of `rc record`, or a file *.mcap"
     )
     completed(recording, ".mcap")
-    to.add_argument(
+    names = to.add_argument(
         "names",
         nargs="*",
         metavar="NAME[.FIELD]",
         help="a topic or a part of its name, and a path in its messages: world/LaserPub.scan[0].dist",
     )
+    completed(names, What.RECORDED)
     to.add_argument("-o", dest="output", type=Path, required=True, metavar="PICTURE", help="a new .svg, .png or .pdf")
     to.add_argument("--latency", action="store_true", help="draw how long messages were on their way")
     add_span(to)

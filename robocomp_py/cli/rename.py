@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, add_include, complain
+from .completing import completed
 from .replacing import replace_file
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ exit status: 0 renamed, 1 nothing was changed, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("file", type=Path, metavar="FILE", help="the model that defines it")
+    model = to.add_argument("file", type=Path, metavar="FILE", help="the model that defines it")
+    completed(model, ".idsl", ".cdsl", ".ddsl", ".pdsl", ".smdsl")
     to.add_argument("old", metavar="NAME", help="its present name, such as `size`, or `Vault.size` if several have it")
     to.add_argument("new", metavar="NEW", help="its new name")
     to.add_argument("--yes", action="store_true", help="do not ask")

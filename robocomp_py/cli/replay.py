@@ -77,14 +77,14 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Publish the topics of a recording again, as they were in time."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("recording", type=Path, metavar="RECORDING", help="a folder of `rc record`, or a file *.mcap")
+    about = "a folder of `rc record`, or a file *.mcap"
+    completed(to.add_argument("recording", type=Path, metavar="RECORDING", help=about), ".mcap")
     about = f"2 is twice as fast (default: 1); {MAX}, with --clock in lock-step: as fast as possible"
     to.add_argument("--rate", type=speed_of, default=1.0, metavar="FACTOR", help=about)
     add_span(to)
     to.add_argument("--loop", action="store_true", help="begin again at the end, until Ctrl-C")
-    to.add_argument(
-        "--only", action="append", default=[], metavar="NAME", help="only topics of this name; may be repeated"
-    )
+    about = "only topics of this name; may be repeated"
+    completed(to.add_argument("--only", action="append", default=[], metavar="NAME", help=about), What.RECORDED)
     to.add_argument(
         "--remap",
         action="append",

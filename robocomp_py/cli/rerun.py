@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG
+from .completing import What, completed
 from .live import add_json, reported
 
 if TYPE_CHECKING:
@@ -47,8 +48,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Run the code of a component again, against its diary, and compare what goes out."
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
-    to.add_argument("component", type=Path, metavar="COMPONENT", help="the folder of the component")
-    to.add_argument("diary", type=Path, metavar="DIARY", help="a file that `rcdeploy --diary` has written")
+    folder = to.add_argument("component", type=Path, metavar="COMPONENT", help="the folder of the component")
+    completed(folder, What.FOLDER)
+    about = "a file that `rcdeploy --diary` has written"
+    completed(to.add_argument("diary", type=Path, metavar="DIARY", help=about), ".mcap")
     to.add_argument("--bisect", metavar="GOOD..BAD", help="find the first commit of Git that differs")
     to.add_argument("--all", action="store_true", help=f"print all differences, not only the first {_SHOWN}")
     to.add_argument("--show", action="store_true", help="show what the component prints and logs, on standard error")

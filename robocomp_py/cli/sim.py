@@ -12,6 +12,7 @@ from pathlib import Path
 from ..errors import RobocompError
 from . import starting
 from .common import FINE, complain
+from .completing import What, completed
 from .viewing import EDIT_HELP, VIEW_HELP, add_edit, add_view, edit, view
 
 NAME = "sim"
@@ -45,7 +46,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     new.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it stays where it is")
     new.add_argument("-o", "--output", type=Path, metavar="DIR", help="the folder, whose name is that of the component")
     _add_lidar(new)
-    new.add_argument("--middleware", metavar="NAME", help="what carries its messages (default: auto)")
+    carrier = new.add_argument("--middleware", metavar="NAME", help="what carries its messages (default: auto)")
+    completed(carrier, What.MIDDLEWARE)
     shown = actions.add_parser(
         "offers", help="print what a network declares", description="Print the devices of a scene as clauses of DDSL."
     )

@@ -23,13 +23,18 @@ def told_in_files() -> list[Told]:
     Only these can be read in no time: other middlewares, such as DDS, have to be opened for it. What cannot be read
     counts as not there, because a shell that completes a name can show no error.
     """
+    found = [told for _, told in told_by_transport()]
+    return sorted(found, key=lambda each: (names.segment(each.channel) in OWN, each.channel))
+
+
+def told_by_transport() -> list[tuple[str, Told]]:
+    """The same, each with the transport in whose files it is, in no order."""
     from ..transports.directory import announcing, census
 
     try:
-        found = [each for transport in announcing() for each in census(transport)]
+        return [(transport, each) for transport in announcing() for each in census(transport)]
     except (ConfigurationError, TransportError):
         return []
-    return sorted(found, key=lambda each: (names.segment(each.channel) in OWN, each.channel))
 
 
 def channels(ends: Iterable[Told], roles: Iterable[str]) -> list[str]:

@@ -10,6 +10,7 @@ from .. import installed
 from ..errors import ConfigurationError, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of, deployments
+from .announced import told_by_transport
 from .network import End, Network
 
 
@@ -43,6 +44,11 @@ def take_census(
                 raise ConfigurationError(f"{name} cannot tell what uses it")
             ends += found or ()
     return Network(ends, own=own)
+
+
+def take_files() -> Network:
+    """What processes on this host announce in files, which can be read in no time, with the framework's interfaces."""
+    return Network([End(transport, told) for transport, told in told_by_transport()], own=True)
 
 
 def check_names(middlewares: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
@@ -17,9 +18,11 @@ import pytest
 from robocomp_py.cli import rc, rcdeploy, rcgen
 from robocomp_py.cli.candidates import answered
 from robocomp_py.cli.completing import ASKED
+from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import find_transport
 
+from ..runtime.components import Tuned
 from ..runtime.test_middlewares import Station
 from ..runtime.test_run import make, running
 from ..tools import elsewhere
@@ -76,9 +79,16 @@ def completed(line: str, shell: str = "bash") -> list[str]:
         ("rc graph 'two w", ["two words.ddsl"]),
         ("rc completion ", ["bash", "zsh", "fish"]),
         ("rc lint -I p", ["parts/"]),
+        ("rc lint --explain no-pr", ["no-provider"]),
+        ("rc replay ", ["parts/", "run.mcap"]),
+        ("rc rerun p", ["parts/"]),
+        ("rc rerun parts ", ["parts/", "run.mcap"]),
+        ("rc rename ", ["arm.cdsl", "net.ddsl", "parts/", "two words.ddsl"]),
+        ("rc fmt arm.cdsl a", []),
+        ("rcdeploy logs net.ddsl --level w", ["warning"]),
         ("rcgen ", ["arm.cdsl", "net.ddsl", "parts/", "two words.ddsl"]),
         ("rcgen --to omg", ["omgidl"]),
-        ("rcdeploy st", ["status"]),
+        ("rcdeploy st", ["status", "stop", "start"]),
         ("rcdeploy net", ["net.ddsl"]),
         ("rcdeploy net.ddsl --det", ["--detach"]),
         ("rcdeploy logs net.ddsl --gr", ["--grep"]),
@@ -110,6 +120,42 @@ def test_names_of_what_runs_are_found(talker: object) -> None:
     assert completed("rc action cancel ") == []
 
 
+@pytest.fixture
+def tuned(own_runtime_folder: Path) -> Iterator[object]:
+    with running(make(Tuned, find_transport, "middleware=shm", "params.device=here", name="tuned")) as worker:
+        yield worker
+
+
+def test_parameters_of_a_component_are_found_with_what_they_are(tuned: object) -> None:
+    assert completed("rc param get tuned m") == ["max_speed"]
+    assert completed("rc param describe tuned dev") == ["device"]
+    assert completed("rc param set tuned ") == ["max_speed=", "verbose="]
+    assert completed("rc param set tuned verbose=") == ["true", "false"]
+    assert completed("rc param set tuned verbose=true max") == ["max_speed="]
+    assert completed("rc param get tuned max", "fish") == ["max_speed\t0.5; float, 0.0 to 2.0"]
+    assert completed("rc param get nobody ") == completed("rc param get ed ") == []
+
+
+@pytest.fixture
+def rescue(own_runtime_folder: Path, files: Path) -> Iterator[None]:
+    """A network that runs, with a system."""
+    place = Place("rescue")
+    place.take()
+    processes = [{"name": "wander", "instances": ["wander"]}, {"name": "both", "instances": ["left/arm", "left/hand"]}]
+    place.plan.write_text(json.dumps({"processes": processes}))
+    (files / "rescue.ddsl").write_text("Deployment rescue { };")
+    yield
+    place.release()
+
+
+def test_instances_of_a_network_are_found_also_those_that_are_stopped(rescue: None) -> None:
+    for command in ("stop", "start", "restart", "logs"):
+        assert completed(f"rcdeploy {command} rescue w") == ["wander"]
+    assert completed("rcdeploy stop rescue.ddsl ") == ["wander", "left/arm", "left/hand", "both", "left"]
+    assert completed("rcdeploy stop rescue.ddsl wander left/h") == ["left/hand"]
+    assert completed("rcdeploy stop nowhere ") == []
+
+
 def test_checks_of_the_doctor_and_hosts_are_found(own_runtime_folder: Path, files: Path) -> None:
     assert completed("rc doctor --check cl") == ["clocks"]
     assert completed("rc echo x --host h") == ["here"]
@@ -123,8 +169,6 @@ def test_nothing_is_found_for_what_cannot_be_known(talker: object) -> None:
 
 
 def test_names_of_networks_that_run_are_found(own_runtime_folder: Path, files: Path) -> None:
-    from robocomp_py.deploy.place import Place
-
     place = Place("rescue")
     place.take()
     try:
@@ -143,7 +187,7 @@ def asked(shell: str, program: str, *words: str) -> list[str]:
 
 def test_programs_answer_a_shell() -> None:
     assert asked("bash", "rc", "rc echo --mi") == ["--middleware"]
-    assert asked("fish", "rcdeploy", "sta") == ["status\tshow the state of a running network"]
+    assert asked("fish", "rcdeploy", "stat") == ["status\tshow the state of a running network"]
     assert asked("zsh", "rcgen", "--stu") == ["--stubs\tappend what specificworker.py lacks to its class"]
 
 
@@ -169,18 +213,41 @@ def test_bash_completes(files: Path) -> None:
     assert in_bash("rc echo --middleware=sh") == ["shm"]
 
 
+SHELL_LINES = {
+    "rc bag me": ["mend", "merge"],
+    "rcgen --stu": ["--stubs"],
+    "rc graph ne": ["net.ddsl"],
+    "rc param get tuned max": ["max_speed"],
+    "rc param set tuned max": ["max_speed="],
+    "rc param set tuned verbose=": ["verbose=false", "verbose=true"],
+    "rc log tuned wa": ["warning"],
+    "rc call tuned/CommonBehavior/getS": ["tuned/CommonBehavior/getState", "tuned/CommonBehavior/getStatus"],
+    "rcdeploy status resc": ["rescue", "rescue.ddsl"],
+    "rcdeploy stop rescue left/h": ["left/hand"],
+}
+"""What every shell finds, whole words in their order."""
+
+
+def test_bash_finds_names_of_what_runs(rescue: None, tuned: object) -> None:
+    for line, found in SHELL_LINES.items():
+        cut = len(line.rpartition(" ")[2].rpartition("=")[0]) + 1 if "=" in line else 0
+        assert sorted(in_bash(line)) == [each[cut:] for each in found], line
+
+
 @pytest.mark.tool
-def test_fish_completes(files: Path, tmp_path: Path) -> None:
-    words = f"set -x PATH {BIN} $PATH; rc completion fish | source; complete -C 'rc bag me'; complete -C 'rcgen --stu'"
+def test_fish_completes(rescue: None, tuned: object, tmp_path: Path) -> None:
+    asked = "; echo @@; ".join(f"complete -C {line!r}" for line in SHELL_LINES)
+    words = f"set -x PATH {BIN} $PATH; rc completion fish | source; {asked}"
     home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path), "XDG_DATA_HOME": str(tmp_path)}
     made = subprocess.run(
         ["fish", "--no-config", "-c", words], env=os.environ | home, capture_output=True, text=True, check=True
     )
-    assert [line.partition("\t")[0] for line in made.stdout.splitlines()] == ["mend", "merge", "--stubs"]
+    found = [[line.partition("\t")[0] for line in part.split("\n") if line] for part in made.stdout.split("@@\n")]
+    assert dict(zip(SHELL_LINES, map(sorted, found), strict=True)) == SHELL_LINES
 
 
 @pytest.mark.tool
-def test_zsh_completes(files: Path, tmp_path: Path) -> None:
+def test_zsh_completes(rescue: None, tuned: object, tmp_path: Path) -> None:
     with Terminal("zsh", "-f", "-i", home=tmp_path) as shell:
         shell.type(f"PS1='$ '; PATH={BIN}:$PATH; autoload -U compinit; compinit -u -D\n")
         shell.type('eval "$(rc completion zsh)"; echo rea""dy\n')
@@ -189,6 +256,12 @@ def test_zsh_completes(files: Path, tmp_path: Path) -> None:
         shell.wait_for("n.*e.*t.ddsl")
         shell.type("\x15rc bag me\t\t")
         shell.wait_for("merge +-- make one recording")
+        shell.type("\x15tell() { print -r -- \"<$BUFFER>\" }; zle -N tell; bindkey '^X^T' tell\n")
+        for line, found in SHELL_LINES.items():
+            if len(found) == 1:
+                shell.type(f"\x15{line}\t\x18\x14")
+                whole = f"{line.rpartition(' ')[0]} {found[0]}"
+                shell.wait_for(f"<{re.escape(whole)} ?>")
 
 
 class Terminal:

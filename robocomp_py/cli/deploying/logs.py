@@ -44,7 +44,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show what the components of a network have printed.", _EXAMPLES
     add_network(to)
     about = "an instance, a process or a system (default: all)"
-    completed(to.add_argument("names", nargs="*", metavar="INSTANCE", help=about), What.COMPONENT)
+    completed(to.add_argument("names", nargs="*", metavar="INSTANCE", help=about), What.INSTANCE)
     to.add_argument("-f", "--follow", action="store_true", help="keep printing new lines as they come")
     add_filters(to)
     to.add_argument("--json", action="store_true", help="print an object a line, for machines")

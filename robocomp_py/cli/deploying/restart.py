@@ -35,7 +35,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Restart components of a running network.", _EXAMPLES
     add_network(to)
     names = to.add_argument("names", nargs="+", metavar="INSTANCE", help="an instance, a process or a system")
-    completed(names, What.COMPONENT)
+    completed(names, What.INSTANCE)
     add_within(to)
 
 

@@ -33,7 +33,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Start components of a running network that do not run.", _EXAMPLES
     add_network(to)
     names = to.add_argument("names", nargs="*", metavar="INSTANCE", help="an instance, a process or a system")
-    completed(names, What.COMPONENT)
+    completed(names, What.INSTANCE)
     add_within(to)
 
 

@@ -34,7 +34,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Stop components of a running network.", _EXAMPLES
     add_network(to)
     names = to.add_argument("names", nargs="*", metavar="INSTANCE", help="an instance, a process or a system")
-    completed(names, What.COMPONENT)
+    completed(names, What.INSTANCE)
 
 
 def run(options: argparse.Namespace) -> int:
