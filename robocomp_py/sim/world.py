@@ -795,7 +795,7 @@ class World:
             factors = _EXACT
             if drive.expires is not None or any(drive.speed):
                 self._expire(drive, (x * 1000.0, z * 1000.0, turn))
-            if told.get(base.name) is not drive.speed or base.name in noise or base.is_tilted:
+            if told.get(base.name) is not drive.speed or base.is_tilted or (noise and base.name in noise):
                 factors = self._factors(base.name)
                 self._tell(base, drive.speed, factors)
             began.append((base, drive, x, z, turn, factors))
@@ -841,20 +841,20 @@ class World:
         """Let the wheels of a base measure how it has moved in a tick; noise does `factors` to its speed."""
         if after == before:
             return
-        tick, odometry = self._tick, drive.odometry
+        tick, odometry, corrected = self._tick, drive.odometry, drive.corrected
         speed = between(before, after, tick)
         if factors is not _EXACT:
             speed = speed[0] / factors[0], speed[1] / factors[1], speed[2] / factors[2]
         drive.odometry = moved(odometry, speed, tick)
-        is_corrected = drive.corrected is not odometry and drive.corrected != odometry
-        drive.corrected = moved(drive.corrected, speed, tick) if is_corrected else drive.odometry
+        is_corrected = corrected is not odometry and corrected != odometry
+        drive.corrected = moved(corrected, speed, tick) if is_corrected else drive.odometry
 
     def _expire(self, drive: Drive, pose: Three) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
         if drive.expires is not None and self._ticks > drive.expires:
             drive.speed, drive.expires = Speed(), None
         if any(drive.speed):
-            where = *pose, *drive.odometry, *drive.corrected
+            where = *pose, *drive.odometry, *(drive.corrected if drive.corrected is not drive.odometry else ())
             if max(where) > _FARTHEST or min(where) < -_FARTHEST:
                 drive.speed, drive.expires = Speed(), None
 

@@ -32,7 +32,10 @@ class Stepped(Protocol):
     """Something with events of its own, such as a component with its timers."""
 
     def due(self) -> int | None:
-        """The instant of its next event, in ns; None if it has none. If a step of it waits, this is asked meanwhile."""
+        """The instant of its next event, in ns: the present one if it is late, and None if it has none.
+
+        If a step of it waits, this is asked meanwhile.
+        """
         ...
 
     def step(self) -> None:
@@ -254,23 +257,27 @@ class Executor:
                 pause.end()
         if self._soon:
             return self._soon.popleft()
-        due = [
-            (instant, number) for number, stepped in enumerate(self._stepped) if (instant := stepped.due()) is not None
-        ]
-        first = min(due, default=None)
-        if self._later and (first is None or self._later[0][:2] <= first):
-            instant, _, _, job = self._later[0]
-        elif first:
-            instant, job = first[0], partial(self._step, self._stepped[first[1]])
-        else:
+        first, number = self._first_step()
+        is_later = bool(self._later) and (first is None or self._later[0][:2] <= (first, number))
+        instant = self._later[0][0] if is_later else first
+        if instant is None:
             return None
         if instant > self._end:
             self.now = max(self.now, self._end)
             return None
-        if self._later and job is self._later[0][3]:
-            heapq.heappop(self._later)
         self.now = max(self.now, instant)
-        return job
+        return heapq.heappop(self._later)[3] if is_later else partial(self._step, self._stepped[number])
+
+    def _first_step(self) -> tuple[int | None, int]:
+        """The instant of the first step that is due, and the number of what takes it."""
+        first, number = None, 0
+        for each, stepped in enumerate(self._stepped):
+            instant = stepped.due()
+            if instant is not None and (first is None or instant < first):
+                first, number = instant, each
+                if first <= self.now:
+                    break  # no other one is earlier
+        return first, number
 
     def _step(self, stepped: Stepped) -> None:
         self._stepping.append(stepped)

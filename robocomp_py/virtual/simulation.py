@@ -138,9 +138,20 @@ class Simulation:
             raise ValueError("say how long: seconds, or until=..., or both until=... and at_most=...")
         limit = at_most if seconds is None else seconds
         end = NEVER if limit is None else self._executor.now + ns(limit)
-        wanted = until or (lambda: False)
-        self._executor.run(lambda: wanted() or self.over or self.failed, end)
-        return bool(wanted()) if until else self._executor.now >= end
+        if until is None:
+            self._executor.run(self._has_ended, end)
+            return self._executor.now >= end
+        self._executor.run(lambda: until() or self._has_ended(), end)
+        return bool(until())
+
+    def _has_ended(self) -> bool:
+        """Whether all components have ended, or one has failed. Asked after each event, so it has to be quick."""
+        is_over = True
+        for each in self._components.values():
+            if each.failed:
+                return True
+            is_over = is_over and each.is_over()
+        return is_over
 
     def outside(self, name: str) -> Outside:
         """Calls and hears the network as something that is not one of its components, which they see as `name`.
