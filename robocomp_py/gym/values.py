@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -189,16 +190,10 @@ def _reader(steps: Sequence[str | int | Wide]) -> Callable[[Any], Any]:
         rest = list(steps[1:])
         if len(rest) == 1 and isinstance(rest[0], str):
             attribute = types.python_name(rest[0])
-            return lambda items: _column(items, attribute)
+            of_one = attrgetter(attribute)
+            return lambda items: items[attribute] if isinstance(items, np.ndarray) else list(map(of_one, items))
         return lambda items: [further(each) for each in items]
     return lambda value: further(_step(value, first))
-
-
-def _column(items: Any, attribute: str) -> Any:
-    """A field of all items of a sequence."""
-    if isinstance(items, np.ndarray):  # records
-        return items[attribute]
-    return [getattr(each, attribute) for each in items]
 
 
 def _step(value: Any, step: str | int | Wide) -> Any:

@@ -863,10 +863,10 @@ class World:
         deviation = self._noise.get(name, 0.0)
         if not deviation:
             return _EXACT
-        ahead, aside, turn = (
-            math.copysign(max(abs(factor), _LEAST_FACTOR), factor)
-            for factor in (1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)).tolist()
-        )
+        factors = (1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)).tolist()
+        ahead, aside, turn = [
+            each if abs(each) >= _LEAST_FACTOR else math.copysign(_LEAST_FACTOR, each) for each in factors
+        ]
         return ahead, aside, turn
 
     def _advance(self, base: Base, drive: Drive) -> None:
