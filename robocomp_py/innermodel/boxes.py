@@ -1,8 +1,9 @@
-"""The boxes that planes and displays are."""
+"""The boxes that planes, displays and axes are."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,27 @@ _SIDES = tuple(
 
 _STANDARD = 2500.0
 """Edge of a plane without a size, mm."""
+
+
+class Bar(NamedTuple):
+    """The box of one axis."""
+
+    axis: str
+    """x, y or z."""
+    middle: tuple[float, float, float]
+    """mm."""
+    size: tuple[float, float, float]
+    """Width, height and depth, mm."""
+    colour: tuple[int, int, int]
+
+
+def bars(length: float, width: float) -> Iterator[Bar]:
+    """What a node `axes` looks like: three boxes that begin at its origin; lengths in mm."""
+    for number, (axis, colour) in enumerate({"x": (220, 50, 50), "y": (60, 170, 60), "z": (50, 90, 220)}.items()):
+        along = [each == number for each in range(3)]
+        x, y, z = (length / 2.0 if each else 0.0 for each in along)
+        across, up, ahead = (length if each else width for each in along)
+        yield Bar(axis, (x, y, z), (across, up, ahead), colour)
 
 
 def extents(size: Sequence[float]) -> Array:

@@ -219,6 +219,8 @@ def _place(building: Building, name: str, body: mujoco.MjsBody, within: Array) -
         _add_box(building, node, body, within)
     elif node.tag == "mesh":
         _add_mesh(building, node, body, within)
+    elif node.tag == "axes" and building.looks:
+        building.looks.add_axes(body, node, within)
     elif building.looks and name in building.looks.lenses:
         building.looks.add_camera(body, node, _PREFIX + name, within)
     for child in node.children:

@@ -59,6 +59,17 @@ class Box(NamedTuple):
     texture: str = ""
 
 
+class Cloud(NamedTuple):
+    """Points that were set."""
+
+    points: Array
+    """Shape (n, 3), mm."""
+    colours: Array
+    """From 0 to 255, shape (n, 3)."""
+    version: int
+    """Another one each time."""
+
+
 class Editing:
     """Edits of a world, and questions about it that see all edits so far."""
 
@@ -68,8 +79,9 @@ class Editing:
         self._placed: dict[str, Array] = {}
         """Poses within their parents of bases and free bodies that are moved by the edits."""
         self._notes: dict[str, dict[str, tuple[str, str]]] = {}
-        self.clouds: dict[str, tuple[Array, Array]] = {}
-        """By the ids of their nodes: points in mm and colours from 0 to 255, both of shape (n, 3)."""
+        self.clouds: dict[str, Cloud] = {}
+        """By the ids of their nodes."""
+        self._clouds_set = 0
 
     @property
     def tree(self) -> Tree:
@@ -242,7 +254,8 @@ class Editing:
             raise EditError("OperationInvalidNode", f"`{item}` is a {node.tag}, not a pointcloud")
         if len(points) > MOST_POINTS:
             raise EditError("InvalidValues", f"{len(points)} points; at most {MOST_POINTS}")
-        self.clouds[item] = points, colours
+        self._clouds_set += 1
+        self.clouds[item] = Cloud(points, colours, self._clouds_set)
 
     # How it is done.
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..innermodel import axes
 from ..innermodel.axes import Array
-from ..innermodel.boxes import pictured
+from ..innermodel.boxes import bars, pictured
 from ..innermodel.camera import Lens
 from ..innermodel.mesh import read_mesh
 from ..innermodel.pictures import GREY, Pixels, colour_of, read_picture
@@ -94,6 +94,22 @@ class Looks:
             quat=turn,
             fovy=float(np.degrees(2 * np.arctan2(lens.height / 2, lens.focal))),
         )
+
+    def add_axes(self, body: mujoco.MjsBody, node: Node, within: Array) -> None:
+        """Add the boxes of `axes`, at a pose in `body`, in mm and our axes."""
+        turn = np.empty(4)
+        mujoco.mju_mat2Quat(turn, axes.rotation_to_simulation(within[:3, :3]).ravel())
+        length, width = (float(str(node.values[each])) for each in ("length", "width"))
+        for bar in bars(length, width):
+            across, up, ahead = bar.size
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=np.maximum(np.array((ahead, across, up)) / 2000.0, 1e-6),
+                pos=axes.position_to_simulation(within[:3, :3] @ bar.middle + within[:3, 3]),
+                quat=turn,
+                rgba=(*(each / 255 for each in bar.colour), 1.0),
+                **_UNTOUCHED,
+            )
 
     def dress(self, shape: mujoco.MjsGeom, node: Node) -> None:
         """Give the box of a plane or a display its picture, which each side shows upright. `shape` has its size."""

@@ -157,8 +157,15 @@ def test_notes_and_nodes_are_listed(house: ComponentTest) -> None:
     assert found["front"].nType.name == "Laser"
     assert (found["root"].parentId, found["root"].nType.name) == ("", "Transform")
     assert call(house, "removeAttribute", "wall", "colour")
-    points = [made(house, "Colored3DPoint", x=1.0, r=255)]
+    assert house.call("Simulation.cloud", "cloud", 0).version == 0
+    points = [made(house, "Colored3DPoint", x=1.0, r=255), made(house, "Colored3DPoint", z=2.0)]
     call(house, "setPointCloudData", "cloud", points)
+    cloud = house.call("Simulation.cloud", "cloud", 0)
+    assert (list(cloud.points), list(cloud.colours)) == ([1, 0, 0, 0, 0, 2], [255, 0, 0, 0, 0, 0])
+    known = house.call("Simulation.cloud", "cloud", cloud.version)
+    assert (known.version, len(known.points)) == (cloud.version, 0)
+    with pytest.raises(Exception, match="unknown pointcloud `wall`; known: cloud"):
+        house.call("Simulation.cloud", "wall", 0)
 
 
 def test_a_node_that_is_removed_is_no_longer_provided(house: ComponentTest) -> None:

@@ -302,6 +302,28 @@ def test_a_display_refuses_what_is_no_picture(pixels: Pixels, text: str, tmp_pat
         world(tmp_path, SCREEN).show("eye", quarters(4))
 
 
+AXES = """\
+<innerModel>
+  <plane id="wall" pz="3000" size="9000,9000,10" texture="#ffff00"/>
+  <transform id="mark" tz="1000"><axes id="frame" length="600" width="100"/></transform>
+  <camera id="eye" width="40" height="40" focal="20"/>
+</innerModel>
+"""
+
+
+@tool
+def test_axes_are_drawn_and_touch_nothing(tmp_path: Path, renderer: Renderer) -> None:
+    room = world(tmp_path, AXES)
+    colours, depths = renderer.picture(room.view(), "eye")
+    assert [colour(colours, row, column) for row, column in ((20, 28), (11, 20), (20, 10))] == [
+        "red",
+        "green",
+        "yellow",
+    ]
+    assert depths[20, 28] == pytest.approx(0.95, abs=1e-3)
+    assert room.view().scene.shapes == ("wall",)
+
+
 # Noise, and what goes wrong.
 
 

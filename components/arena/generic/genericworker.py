@@ -345,6 +345,14 @@ class GenericWorker(Worker[Params]):
         """
 
     @abstractmethod
+    def Simulation_cloud(self, id: str, known: int) -> RoboCompSimulation.Cloud:
+        """The points of a `pointcloud`; none if their version is still the one that the
+        caller knows.
+
+        IDSL: idempotent Cloud cloud(string id, long known) throws SimulationException
+        """
+
+    @abstractmethod
     def Simulation_poses(
         self,
         ids: RoboCompSimulation.IdList,

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from robocomp_py.runtime.api import (
     BOOL,
+    FLOAT32,
     FLOAT64,
     INT32,
     INT64,
     STRING,
+    UINT8,
     DeclaredError,
     ExceptionType,
     Field,
@@ -248,6 +250,39 @@ Outcome.__contract__ = Struct(
 
 OutcomeList: TypeAlias = list[Outcome]
 
+FloatList: TypeAlias = NDArray[np.float32]
+
+ByteList: TypeAlias = NDArray[np.uint8]
+
+
+@dataclass(slots=True)
+class Cloud:
+    """Points that a component has set."""
+
+    version: int = 0  # another one each time they are set; 0: never
+    # x, y and z of each, mm, in the frame of its node
+    points: FloatList = field(default_factory=lambda: np.empty(0, np.float32))
+    # red, green and blue of each
+    colours: ByteList = field(default_factory=lambda: np.empty(0, np.uint8))
+
+    __contract__: ClassVar[Struct]
+
+
+Cloud.__contract__ = Struct(
+    "RoboCompSimulation::Cloud",
+    (
+        Field("version", INT64, doc="another one each time they are set; 0: never"),
+        Field(
+            "points",
+            Sequence(FLOAT32),
+            doc="x, y and z of each, mm, in the frame of its node",
+        ),
+        Field("colours", Sequence(UINT8), doc="red, green and blue of each"),
+    ),
+    Cloud,
+    doc="Points that a component has set.",
+)
+
 _Simulation_now: Operation[Moment] = Operation(
     "RoboCompSimulation::Simulation",
     "now",
@@ -314,6 +349,18 @@ _Simulation_scene: Operation[str] = Operation(
     outputs=(Field("ret", STRING),),
     idempotent=True,
     doc="The scene with all edits so far: a file of InnerModel with absolute paths, in which what moves is where it began.",  # noqa: E501, RUF100
+)
+_Simulation_cloud: Operation[Cloud] = Operation(
+    "RoboCompSimulation::Simulation",
+    "cloud",
+    inputs=(
+        Field("id", STRING),
+        Field("known", INT64),
+    ),
+    outputs=(Field("ret", Cloud.__contract__),),
+    raises=(SimulationException.__contract__,),
+    idempotent=True,
+    doc="The points of a `pointcloud`; none if their version is still the one that the caller knows.",  # noqa: E501, RUF100
 )
 _Simulation_poses: Operation[PoseList] = Operation(
     "RoboCompSimulation::Simulation",
@@ -385,6 +432,7 @@ SIMULATION_INTERFACE = Interface(
         _Simulation_setPhysics,
         _Simulation_setNoise,
         _Simulation_scene,
+        _Simulation_cloud,
         _Simulation_poses,
         _Simulation_contacts,
         _Simulation_attach,

@@ -40,6 +40,7 @@ class SimulationFakes(TypedDict, total=False):
     setPhysics: Fake[None]
     setNoise: Fake[None]
     scene: Fake[str]
+    cloud: Fake[RoboCompSimulation.Cloud]
     poses: Fake[RoboCompSimulation.PoseList]
     contacts: Fake[RoboCompSimulation.ContactList]
     attach: Fake[str]

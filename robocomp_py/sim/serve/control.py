@@ -16,11 +16,13 @@ from ...innermodel.axes import Array
 from ...innermodel.read import InnerModelError
 from ...runtime.clock import Real
 from ...runtime.worker import Worker
+from ...spelling import unknown
 from .pace import Pace
 from .values import declared, filled, operation
 
 if TYPE_CHECKING:
     from ...innermodel.tree import Tree
+    from ..editing import Editing
     from ..plans import Outcome
     from ..world import Saved, World
 
@@ -46,6 +48,7 @@ class Controlled(Worker[Any]):
     """The handlers of Simulation, for a component that implements it. They act on `self.world`."""
 
     world: World
+    _editing: Editing
     _pace: Pace
     _token = 0
     _saved: dict[int, Saved]
@@ -135,6 +138,17 @@ class Controlled(Worker[Any]):
             self._told_tree = self.world.tree
             self._text = self._told_tree.text().decode()
         return self._text
+
+    def Simulation_cloud(self, id: str, known: int) -> Any:
+        """The points of a cloud, unless the caller knows them."""
+        if id not in self.world.tree or self.world.tree.node(id).tag != "pointcloud":
+            clouds = [name for name, tag in self.world.tree.tags.items() if tag == "pointcloud"]
+            raise self._refusal("cloud", unknown("pointcloud", id, clouds))
+        kind, found = self._result("cloud"), self._editing.clouds.get(id)
+        if found is None or found.version == known:
+            return filled(kind, {"version": found.version if found else 0})
+        points, colours = found.points.astype(np.float32).ravel(), found.colours.astype(np.uint8).ravel()
+        return filled(kind, {"version": found.version, "points": points, "colours": colours})
 
     def Simulation_poses(self, ids: list[str]) -> Any:
         """Where nodes truly are; all that can move if none is named."""

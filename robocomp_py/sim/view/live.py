@@ -7,6 +7,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...client.connection import Connection
 from ...client.session import NotThere, Session
 from ...errors import RobocompError, Timeout
@@ -16,6 +18,7 @@ from ...innermodel.tree import Tree
 from ...spelling import unknown
 from ...tools.network import Network
 from .page import Page
+from .shapes import Cloud
 from .viewing import Show, Tell
 
 _LOOK = 1.0
@@ -53,6 +56,9 @@ class LiveShow(Show):
         super().__init__(page, tell)
         self._connection, self._name = Connection(session), name
         self._text = ""
+        self._clouds: dict[str, Cloud] = {}
+        self._versions: dict[str, int] = {}
+        """Of clouds."""
         self._trouble = ""
         self._time: Any = page.server.gui.add_text("time", "", disabled=True)
         self._renew()
@@ -90,11 +96,27 @@ class LiveShow(Show):
             raise NotThere(f"{self._name} does not tell its scene: generate its code again, with rcgen, and restart it")
         text = simulation.scene()
         poses = {each.id: _matrix(each) for each in simulation.poses([])}
-        if text != self._text:
-            self._text = text
-            self.show(Tree.read(Path(self._name), reading=lambda path: text.encode()), poses)
+        is_new = text != self._text
+        if is_new:
+            self._text, self.tree = text, Tree.read(Path(self._name), reading=lambda path: text.encode())
+        if self._heard_clouds(simulation) or is_new:
+            self.show(self.tree, poses, self._clouds)
         self.scene.place(poses)  # a message that told of one may have been lost
         self._trouble = ""
+
+    def _heard_clouds(self, simulation: Any) -> bool:
+        """Ask for the points of clouds; whether there are others than before."""
+        before = dict(self._clouds)
+        names = [name for name, tag in self.tree.tags.items() if tag == "pointcloud" and "cloud" in simulation]
+        for name in names:
+            told = simulation.cloud(name, self._versions.get(name, 0))
+            if told.version != self._versions.get(name, 0):
+                points = axes.position_to_simulation(np.array(told.points, float).reshape(-1, 3))
+                colours = np.array(told.colours, np.uint8).reshape(-1, 3)
+                self._clouds[name], self._versions[name] = Cloud(points.astype(np.float32), colours), told.version
+        for name in self._clouds.keys() - set(names):
+            del self._clouds[name], self._versions[name]
+        return self._clouds != before
 
     def _advance(self, message: Any) -> None:
         self.scene.place({each.id: _matrix(each) for each in message.moved})
@@ -103,6 +125,7 @@ class LiveShow(Show):
         self._time.value = f"{at.time:.1f} s, {state}{', physics' if at.physics else ''}"
 
     def _complain(self, text: str) -> None:
+        self._versions.clear()  # a component that was started again counts from the beginning
         if text != self._trouble:
             self._trouble = text
             self._time.value = "not heard"

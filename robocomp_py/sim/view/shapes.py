@@ -6,16 +6,18 @@ Lengths are in m and axes those of the simulator, which are right-handed: X ahea
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...innermodel import axes
 from ...innermodel.axes import Array
-from ...innermodel.boxes import extents
+from ...innermodel.boxes import bars, extents
 from ...innermodel.mesh import Mesh, read_mesh
 from ...innermodel.pictures import GREY, Pixels, colour_of, read_picture
 from ...innermodel.read import ROOT_ID, InnerModelError, Value
@@ -28,7 +30,6 @@ LOST: Colour = (200, 60, 200)
 """The colour of a box that stands for a mesh that cannot be read."""
 
 _LOST_SIZE = (0.2, 0.2, 0.2)
-_ARROWS = {"x": (220, 50, 50), "y": (60, 170, 60), "z": (50, 90, 220)}
 
 
 class Block(NamedTuple):
@@ -74,7 +75,17 @@ class Fan(NamedTuple):
     """The whole field, rad."""
 
 
-Form = Block | Pictured | Surface | Eye | Fan
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Points of a running scene. The same object is the same points."""
+
+    points: NDArray[np.float32]
+    """Shape (n, 3), m."""
+    colours: Pixels
+    """Shape (n, 3)."""
+
+
+Form = Block | Pictured | Surface | Eye | Fan | Cloud
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,8 +136,13 @@ class Drawing:
     """What is shown otherwise than the tree has it, for people."""
 
 
-def drawn(tree: Tree, gallery: Gallery, carriers: Collection[str] = ()) -> Drawing:
-    """The shapes of a tree. They move with the nearest of the `carriers` at or above them, or with the root."""
+def drawn(
+    tree: Tree, gallery: Gallery, carriers: Collection[str] = (), clouds: Mapping[str, Cloud] = MappingProxyType({})
+) -> Drawing:
+    """The shapes of a tree. They move with the nearest of the `carriers` at or above them, or with the root.
+
+    `clouds` are the points of each `pointcloud` that has some.
+    """
     found = Drawing()
     above: dict[str, str] = {}
     for name in tree.ids:
@@ -134,6 +150,8 @@ def drawn(tree: Tree, gallery: Gallery, carriers: Collection[str] = ()) -> Drawi
         carrier = name if name in carriers else above.get(node.parent, ROOT_ID)
         above[name] = carrier
         within = tree.matrix(carrier, name)
+        if name in clouds:
+            found.shapes.append(Shape(name, "", carrier, on_page(within), clouds[name]))
         for part, moved, form in _forms(tree, node, gallery, found.troubles):
             pose = on_page(within @ moved)
             if isinstance(form, Eye):
@@ -171,11 +189,8 @@ def _forms(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Ite
                 yield "", here, Fan(min(angle, 2.0 * math.pi))
         case "axes":
             length, width = _number(values["length"]), _number(values["width"])
-            for number, (axis, colour) in enumerate(_ARROWS.items()):
-                sizes = np.full(3, width)
-                sizes[number] = length
-                middle = [length / 2.0 if each == number else 0.0 for each in range(3)]
-                yield axis, axes.pose(middle, np.eye(3)), Block(_block(sizes), colour)
+            for bar in bars(length, width):
+                yield bar.axis, axes.pose(bar.middle, np.eye(3)), Block(_block(np.array(bar.size)), bar.colour)
 
 
 def _plane(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Form:

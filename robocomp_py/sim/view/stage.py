@@ -19,7 +19,7 @@ from ...innermodel.axes import Array
 from ...innermodel.boxes import pictured
 from ...innermodel.mesh import Mesh
 from ...innermodel.read import ROOT_ID
-from .shapes import Block, Eye, Fan, Form, Gallery, Pictured, Shape, Surface
+from .shapes import Block, Cloud, Eye, Fan, Form, Gallery, Pictured, Shape, Surface
 
 Picked = Callable[[str, int], object]
 """Gets the id of a node that was clicked, and the number of the page. To a coroutine function, clicks come in order."""
@@ -27,6 +27,8 @@ Picked = Callable[[str, int], object]
 _REACH = 500.0
 """Length of what shows the directions of a laser, mm."""
 _RAYS = 24
+_POINT = 0.02
+"""Size of a point of a cloud, m."""
 _EYE: tuple[int, int, int] = (40, 40, 40)
 _LASER: tuple[int, int, int] = (230, 60, 40)
 
@@ -98,7 +100,7 @@ class Stage:
         path = f"{self._carrier(shape.carrier).name}/{self._number}"
         where: dict[str, Any] = _pose(shape.pose)
         handle = _added(self._server.scene, path, shape.form, self._gallery, where)
-        if self._picked is not None and not isinstance(shape.form, Fan):
+        if self._picked is not None and not isinstance(shape.form, Fan | Cloud):
             handle.on_click(_clicked(self._picked, shape.node))
         return handle
 
@@ -121,6 +123,8 @@ def _added(scene: viser.SceneApi, path: str, form: Form, gallery: Gallery, where
             return scene.add_camera_frustum(path, angle, aspect, scale=0.15, color=_EYE, **where)
         case Fan(angle=angle):
             return scene.add_line_segments(path, _fan(angle), _LASER, thickness=0.005, **where)
+        case Cloud(points=points, colours=colours):
+            return scene.add_point_cloud(path, points, colours, point_size=_POINT, precision="float32", **where)
         case Pictured():
             return scene.add_mesh_trimesh(path, _pictured(form, gallery), **where)
         case Surface():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ...errors import RobocompError
@@ -15,7 +16,7 @@ from ...innermodel.read import ROOT_ID, InnerModelError, read_file
 from ...innermodel.tree import Tree
 from ...innermodel.write import as_text
 from .page import Page
-from .shapes import Gallery, drawn, on_page
+from .shapes import Cloud, Gallery, drawn, on_page
 from .stage import Picked, Stage
 
 if TYPE_CHECKING:
@@ -35,9 +36,11 @@ class Scene:
         self._gallery = Gallery()
         self._stage = Stage(server, self._gallery, picked)
 
-    def show(self, tree: Tree, carriers: Collection[str] = ()) -> None:
-        """Show a tree. What is at or below `carriers` is moved by `place`."""
-        drawing = drawn(tree, self._gallery, carriers)
+    def show(
+        self, tree: Tree, carriers: Collection[str] = (), clouds: Mapping[str, Cloud] = MappingProxyType({})
+    ) -> None:
+        """Show a tree, with the points of its clouds. What is at or below `carriers` is moved by `place`."""
+        drawing = drawn(tree, self._gallery, carriers, clouds)
         for each in drawing.troubles:
             if each not in self._told:
                 self._told.add(each)
@@ -66,10 +69,12 @@ class Show:
         """Whether a page is open."""
         return bool(self._facts)
 
-    def show(self, tree: Tree, carriers: Collection[str] = ()) -> None:
-        """Show a tree. What is at or below `carriers` is moved by `scene.place`."""
+    def show(
+        self, tree: Tree, carriers: Collection[str] = (), clouds: Mapping[str, Cloud] = MappingProxyType({})
+    ) -> None:
+        """Show a tree, with the points of its clouds. What is at or below `carriers` is moved by `scene.place`."""
         self.tree = tree
-        self.scene.show(tree, carriers)
+        self.scene.show(tree, carriers, clouds)
 
     def where(self, node: str) -> Array:
         """The pose of a node, seen from the root."""

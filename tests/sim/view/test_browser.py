@@ -14,9 +14,11 @@ from PIL import Image
 
 from robocomp_py.cli.replacing import replace_file
 from robocomp_py.innermodel.axes import Array
+from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.view.desk import Desk
 from robocomp_py.sim.view.editor import Editor
 from robocomp_py.sim.view.page import Page
+from robocomp_py.sim.view.shapes import Cloud
 from robocomp_py.sim.view.viewing import FileShow
 from robocomp_py.testing.patience import SOON, wait_until
 from tests.browser import Browser, browsing
@@ -28,6 +30,12 @@ SCENE = """\
     <transform id="shelf" tx="500"><plane id="board" py="500" size="600,300,300" texture="#ff0000"/></transform>
     <plane id="post" px="-1200" size="300,300,300" texture="#0000ff"/>
   </transform>
+</innerModel>
+"""
+
+MORE = """\
+  <transform id="mark" tx="500" ty="-600"><axes id="frame" length="400" width="100"/></transform>
+  <transform id="head" tx="-400" ty="300"><pointcloud id="seen"/></transform>
 </innerModel>
 """
 
@@ -99,7 +107,7 @@ def only_own_requests(browser: Browser, page: Page) -> bool:
 def test_the_page_shows_the_scene_and_asks_nothing_elsewhere(tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_text(SCENE)
     with Page("a scene") as page:
-        FileShow(page, tmp_path / "scene.xml", print)
+        show = FileShow(page, tmp_path / "scene.xml", print)
         with browsing(tmp_path, page.url) as browser:
             browser(width=1200)
             eyes = Eyes(page)
@@ -113,6 +121,20 @@ def test_the_page_shows_the_scene_and_asks_nothing_elsewhere(tmp_path: Path) -> 
             x, y = eyes.pixel((0, -0.5, 0.5))
             browser(path=[[x, y]])
             browser(wait="document.querySelector('textarea').value.startsWith('plane board')")
+            # axes, and a cloud of points
+            (tmp_path / "more.xml").write_text(SCENE.replace("</innerModel>", MORE))
+            points = np.random.default_rng(1).uniform(-0.1, 0.1, (3000, 3)).astype(np.float32)
+            pink = np.full((3000, 3), (255, 0, 255), np.uint8)
+            show.show(Tree.read(tmp_path / "more.xml"), (), {"seen": Cloud(points, pink)})
+
+            def are_seen() -> bool:
+                picture = colours(browser, tmp_path)
+                places = ((0, -0.75, -0.6), (0, -0.5, -0.35), (0, 0.4, 0.3))
+                x_axis, y_axis, cloud = (picture[round(y), round(x)] for x, y in map(eyes.pixel, places))
+                is_green = y_axis[1] > 1.5 * y_axis[0] and y_axis[1] > 1.3 * y_axis[2]
+                return is_red(x_axis) and is_green and bool(min(cloud[0], cloud[2]) > 1.5 * cloud[1])
+
+            wait_until(are_seen, SOON * 6)
             assert browser(complaints=True) == []
             assert only_own_requests(browser, page)
 

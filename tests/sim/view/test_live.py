@@ -27,6 +27,7 @@ SCENE = """\
   <transform id="world">
     <differentialrobot id="base"><plane id="body" size="400,400,400" texture="#3366aa"/></differentialrobot>
     <plane id="wall" pz="2000" size="3000,1000,10"/>
+    <pointcloud id="seen"/>
   </transform>
 </innerModel>
 """
@@ -78,6 +79,15 @@ def test_a_running_scene_is_shown_as_it_goes_on(tmp_path: Path) -> None:
             assert crate["where"][:3, 3] == pytest.approx((0.5, -1, 0))
             visitor.click(crate["name"])
             visitor.awaits(lambda: "at 1000, 0, 500 mm" in visitor.value("node"))
+            # points are set, and set again
+            point = {"x": 100, "y": 0, "z": 200, "r": 255, "g": 0, "b": 9}
+            house.InnerModelManager.setPointCloudData("seen", [point])
+            visitor.awaits(lambda: visitor.shown("PointCloud"))
+            (cloud,) = visitor.shown("PointCloud")
+            assert cloud["points"].tolist() == pytest.approx([0.2, -0.1, 0.0])
+            assert cloud["colors"].tolist() == [255, 0, 9]
+            house.InnerModelManager.setPointCloudData("seen", [point, {**point, "y": 300}])
+            visitor.awaits(lambda: [len(each["points"]) for each in visitor.shown("PointCloud")] == [6])
             house.Simulation.pause()
             visitor.awaits(lambda: "stands still" in visitor.value("time"))
     session.close()

@@ -13,6 +13,7 @@ from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.view.shapes import (
     LOST,
     Block,
+    Cloud,
     Drawing,
     Eye,
     Fan,
@@ -120,3 +121,13 @@ def test_sensors_are_shown(tmp_path: Path) -> None:
     assert np.linalg.det(camera.pose[:3, :3]) == pytest.approx(1)
     tips = [each.pose[:3, 3].round(9).tolist() for each in arrows]
     assert tips == [[0, -0.05, 0], [0, 0, 0.05], [0.05, 0, 0]]
+
+
+def test_the_points_of_a_cloud_move_with_what_carries_it(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    inner = '<joint id="arm"><translation id="out" tz="200"><pointcloud id="seen"/></translation></joint>'
+    path.write_text(f'<innerModel>{inner}<pointcloud id="empty"/></innerModel>')
+    cloud = Cloud(np.zeros((5, 3), np.float32), np.zeros((5, 3), np.uint8))
+    (seen,) = drawn(Tree.read(path), Gallery(), ["arm"], {"seen": cloud}).shapes
+    assert (seen.node, seen.carrier, seen.form) == ("seen", "arm", cloud)
+    assert seen.pose[:3, 3] == pytest.approx((0.2, 0, 0))

@@ -106,9 +106,15 @@ class Visitor:
                 assert isinstance(data, bytes)
                 size = int.from_bytes(data[8:16], "little")
                 inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
+                decoded = msgspec.msgpack.decode(inner)
+                arrays, place = [], 16 + size
+                for length in decoded["binaryBufferLengths"]:
+                    place += -place % 8
+                    arrays.append(data[place : place + length])
+                    place += length
                 with self._lock:
-                    for message in msgspec.msgpack.decode(inner)["messages"]:
-                        self._take(message)
+                    for message in decoded["messages"]:
+                        self._take(_filled(message, arrays))
         except ConnectionClosed:
             pass
 
@@ -134,6 +140,16 @@ class Visitor:
                 self.fields[message["uuid"]] = {"uuid": message["uuid"], "value": message.get("value")} | props
             case kind if "props" in message and "name" in message:
                 self.scene[message["name"]] = {**message, **message["props"]}
+
+
+def _filled(value: Any, arrays: list[bytes]) -> Any:
+    """A message with its arrays."""
+    match value:
+        case {"__binary_index": index, "dtype": kind}:
+            return np.frombuffer(arrays[index], kind)
+        case dict():
+            return {name: _filled(each, arrays) for name, each in value.items()}
+    return value
 
 
 @contextmanager
