@@ -267,7 +267,7 @@ class Tree:
                 world = self._world(joint)[0]
                 direction = sign * world[:3, "xyz".index(str(joint.values["axis"]))]
                 if joint.tag.name == "joint":
-                    made[:3, column] = np.cross(direction, tip - world[:3, 3])
+                    made[:3, column] = axes.cross(direction, tip - world[:3, 3])
                     made[3:, column] = direction
                 else:
                     made[:3, column] = direction

@@ -40,9 +40,7 @@ def speed_of(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> tuple[
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, frame.body, found, 0)
     turning, velocity = found[:3], found[3:]
     away = data.xmat[frame.body].reshape(3, 3) @ frame.position
-    (x, y, z), (right, up, ahead) = turning.tolist(), away.tolist()
-    around = np.array((y * ahead - z * up, z * right - x * ahead, x * up - y * right))
-    return velocity + around, turning
+    return velocity + axes.cross(turning, away), turning
 
 
 def truth(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> Truth:

@@ -253,10 +253,13 @@ class Progress:
 
     def take(self) -> tuple[Any, list[Any]]:
         """The arguments of the next message."""
-        matrices = {name: self._world.matrix(name) for name in self._world.movable}
-        moved = {name: matrix for name, matrix in matrices.items() if self._told.get(name) != matrix.tobytes()}
-        self._told = {name: matrix.tobytes() for name, matrix in matrices.items()}
-        poses = [filled(self._pose, pose(name, matrix)) for name, matrix in moved.items()]
+        movable, matrices = self._world.movable, self._world.poses()
+        told = dict(zip(movable, map(np.ndarray.tobytes, matrices), strict=True))
+        moved = (
+            (name, matrix) for name, matrix in zip(movable, matrices, strict=True) if self._told.get(name) != told[name]
+        )
+        poses = [filled(self._pose, pose(name, matrix)) for name, matrix in moved]
+        self._told = told
         return filled(self._at, moment(self._world, self._pace)), poses
 
 
