@@ -6,7 +6,7 @@ of the lookout thread, another thread becomes the leader and receives. The forme
 its handler and becomes a follower.
 
     leader    receive → run one job → still the leader? → again
-    lookout   while there is traffic, look every 10 to 40 ms: does the same job still run? → another leads
+    lookout   while there is traffic, look every 10 to 100 ms: does the same job still run? → another leads
 
 The leader begins jobs in the order of their arrival. If the system can start no thread, the leader stays the
 leader: input waits until its job has ended, or until the lookout can start a thread.
@@ -39,8 +39,9 @@ PATIENCE = 0.010
 STUCK = 5.0
 """Seconds for which closing waits for a handler that is running."""
 
-_LAZINESS = 4
-"""While all jobs are short, the lookout looks this many times less often: a look costs as much as a message."""
+_LAZINESS = 10
+"""While all jobs are short, the lookout looks this many times less often: a look costs a fifth of a message. A handler
+that is known to be long does not wait for it."""
 
 _QUIET = 0.5
 """Seconds without traffic after which the lookout sleeps until the next job."""

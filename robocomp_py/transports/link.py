@@ -32,6 +32,7 @@ from .base import (
     Status,
     SupportsConnected,
     TypeRef,
+    about_to_block,
     mismatch,
 )
 from .leader_followers import Job, abandoned
@@ -427,6 +428,8 @@ def persist(send: Callable[[], bool], end: float, still: Callable[[], object], c
         if left <= 0:
             return False
         still()
+        if pause >= _SHORT_PAUSE:
+            about_to_block()
         closed.wait(min(pause, left))
         pause = min(2 * pause, _SHORT_PAUSE if time.monotonic() < patient else _LONG_PAUSE)
     return True

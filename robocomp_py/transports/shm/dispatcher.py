@@ -215,7 +215,7 @@ class Dispatcher:
         if line & WAKE_EARLY:
             line ^= WAKE_EARLY
             sender = self._senders.get((message.member, line))
-            if sender:
+            if sender and not self._turns:  # otherwise others are served, too, and no core is free for this client
                 sender.announce()
         expires = read_at + request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
         answer = partial(self.reply, message.member, line, request, expires)
