@@ -9,7 +9,6 @@ import dataclasses
 import os
 import re
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Protocol, TypeVar
@@ -22,7 +21,7 @@ from ..contract.parameters import Complaint, ParameterSet
 from ..dsl.cdsl.qos import read_qos as qos_of
 from ..dsl.ddsl.hosts import check_ports
 from ..dsl.ddsl.model import Deployment, Instance
-from ..dsl.ddsl.order import process_dependences, processes_of, start_order
+from ..dsl.ddsl.order import process_dependences, processes_of
 from ..dsl.ddsl.programs import environment_of
 from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
 from ..dsl.source import Name, Source
@@ -41,7 +40,6 @@ from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
 from .offers import read_offers
-from .ordering import Edge, Order, ordered
 from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
 from .process import Member, Process
 from .qos import unsupported
@@ -55,13 +53,11 @@ from .routes import (
     unshared,
     worth_telling,
 )
+from .starting import start_of
 from .uses import Node, node_of, read_qos, wire
 from .waiting import Requirement, endless
 from .wiring import Placement, Wiring, place
 from .wiring import wire as wire_hosts
-
-_MOST_CIRCLES = 3
-"""Maximum number of circles of requirements that are listed."""
 
 Addresses = Callable[[Mapping[str, str]], Mapping[str, str]]
 """Maps each host and its written address to the number at which the others reach it; "" is this host."""
@@ -140,8 +136,7 @@ class _Planner:
         self._configured: list[Configured] = []
         self._programs: list[Configured] = []
         self._choice, self._wiring, self._placement = Choice(), Wiring(), Placement()
-        self._between = ordered((), {}, {})
-        self._inside: dict[str, Order] = {}
+        self._start = start_of(model, (), (), self._dependences)
         self._blamed: dict[tuple[str, str, str, str], list[str]] = {}
         """The instances that an error outside of all files concerns, by name, code, message and hint."""
         self._unfit: set[str] = set()
@@ -155,7 +150,8 @@ class _Planner:
         self._links = wire(nodes, self._model, self._report, self._is_outside, self._imported)
         for node in nodes:
             read_qos(node, self._report)
-        ordered = self._in_order(nodes)
+        self._start = start_of(self._model, nodes, self._links, self._dependences)
+        ordered = self._start.processes
         in_order = [node for together in ordered.values() for node in together]
         for node in self._watch(in_order, "instances configured"):
             if node.instance.program:
@@ -180,7 +176,7 @@ class _Planner:
             tuple(self._links),
             tuple(self._transports()),
             self._choice.ways,
-            (*self._choice.notes, *dict.fromkeys(self._outside()), *self._circles()),
+            (*self._choice.notes, *dict.fromkeys(self._outside()), *self._start.circles()),
             placing.hosts_of(self._model, self._model.instances),
             helpers=(*self._wiring.helpers, *self._placement.helpers),
             ours={each.name: self._ours(each, folders[each.name]) for each in self._configured},
@@ -318,64 +314,7 @@ class _Planner:
         names = port.interface.called(port.verb)
         return not complaints and all(each.outside(port, name, aim) for name in names for aim in each.aims(port, name))
 
-    # Order and processes.
-
-    def _in_order(self, nodes: Sequence[Node]) -> dict[str, list[Node]]:
-        """Processes and their instances: those that others depend on or require come first; otherwise as written."""
-        self._order_by_needs(nodes)
-        earlier = {
-            node.name: (*node.instance.dependences, *self._names(node, self._inside[node.instance.runs_in.text]))
-            for node in nodes
-        }
-        first, _ = start_order(earlier)
-        by_name = {node.name: node for node in nodes}
-        together: dict[str, list[Node]] = {}
-        for node in map(by_name.__getitem__, first):
-            together.setdefault(node.instance.runs_in.text, []).append(node)
-        name = self._model.name
-        order, _ = start_order(
-            {
-                each: (*others, *(Name(other, name.span) for other in self._between.ready_after.get(each, ())))
-                for each, others in self._dependences.items()
-            }
-        )
-        return {name: together[name] for name in order if name in together}
-
-    def _names(self, node: Node, order: Order) -> Iterator[Name]:
-        return (Name(other, node.instance.name.span) for other in order.stops_before.get(node.name, ()))
-
-    def _order_by_needs(self, nodes: Sequence[Node]) -> None:
-        """Find the order that `requires` makes, between processes and inside each of them."""
-        by_name = {node.name: node for node in nodes}
-        between: Counter[Edge] = Counter()
-        inside: dict[str, Counter[Edge]] = {node.instance.runs_in.text: Counter() for node in nodes}
-        for link in self._links:
-            if link.verb is Verb.REQUIRES and link.client != link.provider:
-                client, provider = by_name[link.client], by_name[link.provider]
-                ends = client.instance.runs_in.text, provider.instance.runs_in.text
-                apart = ends[0] != ends[1]
-                edges, edge = (between, ends) if apart else (inside[ends[0]], (link.client, link.provider))
-                edges[edge] += _operations(client, link.interface)
-        fixed = {name: [other.text for other in self._dependences[name] if other.text in inside] for name in inside}
-        self._between = ordered(inside, fixed, between)
-        together: dict[str, list[Node]] = {}
-        for node in nodes:
-            together.setdefault(node.instance.runs_in.text, []).append(node)
-        for name, needs in inside.items():
-            members = {node.name: node.instance.dependences for node in together[name]}
-            own = {each: [other.text for other in others if other.text in members] for each, others in members.items()}
-            self._inside[name] = ordered(members, own, needs)
-
-    def _circles(self) -> Iterator[str]:
-        """One line about instances that require each other."""
-        orders = (self._between, *self._inside.values())
-        circles = [circle for order in orders for circle in order.circles]
-        broken = [f"{provider} before {client}" for order in orders for client, provider in order.broken]
-        if circles:
-            told = "; ".join(", ".join(circle) for circle in circles[:_MOST_CIRCLES])
-            more = f"; and {len(circles) - _MOST_CIRCLES} more circles" if len(circles) > _MOST_CIRCLES else ""
-            order = ", ".join(broken[:_MOST_CIRCLES]) + (", ..." if len(broken) > _MOST_CIRCLES else "")
-            yield f"these require each other and start at the same time: {told}{more}; when the network stops: {order}"
+    # Processes.
 
     def _process(self, name: str, together: Sequence[Node]) -> Process | None:
         commands = [command for node in together if (command := self._command(node))]
@@ -389,8 +328,8 @@ class _Planner:
             tuple(_joined(commands)),
             self._folder.resolve() if own else Path.cwd(),
             after=tuple(dict.fromkeys(other.text for other in self._dependences[name])),
-            ready_after=self._between.ready_after.get(name, ()),
-            stops_before=self._between.stops_before.get(name, ()),
+            ready_after=self._start.between.ready_after.get(name, ()),
+            stops_before=self._start.between.stops_before.get(name, ()),
             is_program=own,
             members=tuple(Member(node.name, node.component.name) for node in together) if only.instance.process else (),
             host=only.host,
@@ -432,10 +371,11 @@ class _Planner:
             return None
         command = [*_RUN, str(folder.resolve()), "--name", node.instance.local]
         command += ["--config", str(config.resolve())] if node.instance.config and config else []
-        here = {each.name.text: each.local for each in self._together[node.instance.runs_in.text]}
+        process = node.instance.runs_in.text
+        here = {each.name.text: each.local for each in self._together[process]}
         before = [here[name.text] for name in node.instance.dependences if name.text in here]
-        if not any(node.instance.runs_in.text in circle for circle in self._between.circles):  # else it may never start
-            needed = self._inside[node.instance.runs_in.text].ready_after.get(node.name, ())
+        if not any(process in circle for circle in self._start.between.circles):  # else it may never start
+            needed = self._start.inside[process].ready_after.get(node.name, ())
             before += [here[name] for name in needed if here[name] not in before]
         command += [part for name in before for part in ("--after", name)]
         return [*command, *(part for each in assignments for part in ("--set", each)), *arguments]
@@ -758,14 +698,6 @@ def _has(params: ParameterSet | None, name: str) -> bool:
         *(each.name for each in params.parameters),
         *(each.name for each in params.lists),
     ]
-
-
-def _operations(client: Node, interface: str) -> int:
-    """How many operations of an interface an instance may call."""
-    wanted = (port for port in client.component.ports if port.verb is Verb.REQUIRES)
-    return max(
-        (len([*port.interface.contracts(port.verb)]) for port in wanted if port.interface.short == interface), default=1
-    )
 
 
 def _topics(port: Port) -> Iterator[str]:
