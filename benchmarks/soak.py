@@ -18,7 +18,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from robocomp_py.sim.plans import Command, evaluate
-from robocomp_py.sim.world import TICK, World
+from robocomp_py.sim.state import TICK
+from robocomp_py.sim.world import World
 
 from .scenes import hall
 

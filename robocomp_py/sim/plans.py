@@ -22,7 +22,8 @@ import numpy as np
 from ..innermodel.axes import Array
 from ..innermodel.read import InnerModelError
 from ..spelling import unknown
-from .world import SimulationError, World
+from .motion import SimulationError
+from .world import World
 
 PERIOD = 0.05
 """How often policies are called, and poses and distances are noted, s."""

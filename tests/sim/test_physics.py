@@ -14,7 +14,8 @@ import pytest
 from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.bases import Pose, Speed, between, moved
-from robocomp_py.sim.world import SimulationError, World
+from robocomp_py.sim.motion import SimulationError
+from robocomp_py.sim.world import World
 
 HALL = """\
 <innerModel>

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from ...innermodel.tree import Tree
     from ..editing import Editing
     from ..plans import Outcome
-    from ..world import Saved, World
+    from ..state import Saved
+    from ..world import World
 
 log = logging.getLogger("robocomp.sim")
 
