@@ -178,7 +178,7 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
                 begun, delays = time.monotonic(), None
                 try:
                     if clock:
-                        led = leading(access, clock, parts, send, options.rate)
+                        led = leading(access, clock, parts, send, lambda: serving.queries, options.rate)
                         led.play(messages, keys, partial(_show_clock, seconds=length), is_paused=options.paused)
                     else:
                         pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)

@@ -81,9 +81,15 @@ class Answers:
         self._responses: dict[str, tuple[Any, ...]] = {}
         """By topic."""
         self._counting = threading.Lock()
+        self._queries: list[str] = []
         self._told: set[str] = set()
         self._refused: set[tuple[str, str]] = set()
         """Channels that nothing was recorded of, with the middlewares over which they are there."""
+
+    @property
+    def queries(self) -> list[str]:
+        """The channels of the queries that it serves now, also of those that fail."""
+        return list(self._queries)
 
     def begin(self, recording: Recording, start: int, end: int | None) -> None:
         """Answer as at this time of the recording; before the first response, with that. Raises RecordingError."""
@@ -144,6 +150,7 @@ class Answers:
             operation = told.operation(end.told.text)
             if end.role == "calls":
                 self._access.server(end.middleware, channel, operation, _unrecorded)
+                self._queries.append(channel)
             else:
                 self._access.receiver(end.middleware, channel, operation, lambda payload: None)
         except (RobocompError, ValueError) as exc:
@@ -161,6 +168,7 @@ class Answers:
 
         try:
             answer.ways[middleware] = self._access.server(middleware, answer.channel, answer.operation, serve)
+            self._queries.append(answer.channel)
         except RobocompError as exc:
             self._complain(f"{answer.channel} {middleware}", f"{answer.channel} over {middleware}: {exc}")
 

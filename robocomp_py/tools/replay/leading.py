@@ -48,6 +48,8 @@ _LOOK = 0.1
 _FASTER, _SLOWER = 2.0, 0.5
 
 Send = Callable[[str, bytes], object]
+Queries = Callable[[], Sequence[str]]
+"""Tells the channels of the queries that are answered now."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +131,11 @@ class _Links:
 class Led(ABC):
     """A replay whose messages follow a clock that it leads."""
 
-    def __init__(self, access: Access, clock: Followed, parts: Sequence[Part], send: Send, speed: float) -> None:
-        """`speed` is 0 for as fast as possible. For one thread."""
-        self._name, self._parts, self._send, self._speed = clock.leader, parts, send, speed
+    def __init__(
+        self, access: Access, clock: Followed, parts: Sequence[Part], send: Send, queries: Queries, speed: float
+    ) -> None:
+        """`queries` tells which ones are answered; `speed` is 0 for as fast as possible. For one thread."""
+        self._name, self._parts, self._send, self._queries, self._speed = clock.leader, parts, send, queries, speed
         self._links = _Links(access, clock)
         followers = tuple(f"/{each}" for each in clock.followers)
         self._settings = Settings(f"/{clock.leader}", clock=ClockSettings(f"/{clock.leader}", followers, speed))
@@ -168,7 +172,7 @@ class LedInLockstep(Led):
         self, messages: Iterable[Upcoming], keys: Keys, show: Callable[[ClockState, int], object], *, is_paused: bool
     ) -> None:
         failed: list[str] = []
-        member = _Member(self._settings.instance, self._parts, iter(messages), self._send)
+        member = _Member(self._settings.instance, self._parts, iter(messages), self._send, self._queries)
         leader = Leader(self._settings, member, failed.append)
         member.at_end = leader.ClockControl_pause
         leader.open(self._links)
@@ -193,8 +197,11 @@ class LedInLockstep(Led):
 class _Member:
     """Takes part in the clock as the component would whose place the replay takes. It sends what is due."""
 
-    def __init__(self, instance: str, parts: Sequence[Part], messages: Iterator[Upcoming], send: Send) -> None:
+    def __init__(
+        self, instance: str, parts: Sequence[Part], messages: Iterator[Upcoming], send: Send, queries: Queries
+    ) -> None:
         self.instance, self._parts, self._messages, self._send = instance, parts, messages, send
+        self._queries = queries
         self.at_end: Callable[[], object] = lambda: None
         self._numbers = dict.fromkeys((each.topic.name for each in parts), 0)
         self._begin: int | None = None
@@ -227,10 +234,13 @@ class _Member:
 
     def counters(self) -> list[Counter]:
         ways = {Pattern.PUBLISH: Way.Publishes, Pattern.COMMAND: Way.Sends}
-        return [Counter(ways[each.pattern], [each.channel]) for each in self._parts]
+        sent = [Counter(ways[each.pattern], [each.channel]) for each in self._parts]
+        return [*sent, *(Counter(Way.Serves, [each]) for each in self._queries())]
 
     def _state(self) -> State:
-        return State(self.due, True, 1, tuple(self._numbers.values()))
+        """Queries are answered at once, so none is in progress here: each is under way until its client goes on."""
+        served = len(self._queries())
+        return State(self.due, True, 1 + served, (*self._numbers.values(), *(0 for _ in range(served))))
 
     def _take(self) -> None:
         try:
@@ -269,6 +279,6 @@ class LedFreely(Led):
             leader.close()
 
 
-def leading(access: Access, clock: Followed, parts: Sequence[Part], send: Send, speed: float) -> Led:
+def leading(access: Access, clock: Followed, parts: Sequence[Part], send: Send, queries: Queries, speed: float) -> Led:
     """A replay that leads this clock; see `Led`."""
-    return (LedInLockstep if clock.is_lockstep else LedFreely)(access, clock, parts, send, speed)
+    return (LedInLockstep if clock.is_lockstep else LedFreely)(access, clock, parts, send, queries, speed)
