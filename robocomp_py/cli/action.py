@@ -89,7 +89,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     for each in (listing, info, send, cancel):
         add_hosts(each)
         add_middleware(each)
-    for each in (listing, send):
         add_json(each)
 
 
@@ -125,6 +124,10 @@ def _info(options: argparse.Namespace, hosts: Hosts) -> int:
 
     offered = _awaited(options, hosts)
     action = offered.action
+    if options.json:
+        goals = {goal.hex(): state.name for goal, state in _goals(offered).items()}
+        print(json.dumps({"action": offered.name, "contract": list(told(action)), "goals": goals}))
+        return FINE
     print(f"{offered.name}: action")
     for line in told(action):
         print(f"  {line}")
@@ -154,7 +157,10 @@ def _cancel(options: argparse.Namespace, hosts: Hosts) -> int:
     with Access() as access:
         for goal in active:
             (state,) = access.ask(offered.parts["cancel"], (list(goal),), options.timeout)
-            print(f"{action.name} {goal.hex()[:8]}: {GoalState(state).name}")
+            if options.json:
+                print(json.dumps({"goal": goal.hex(), "status": GoalState(state).name}))
+            else:
+                print(f"{action.name} {goal.hex()[:8]}: {GoalState(state).name}")
     return FINE
 
 

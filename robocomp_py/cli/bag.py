@@ -56,7 +56,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
             completed(several, ".mcap")
         else:
             completed(each.add_argument("recording", type=Path, metavar="RECORDING"), ".mcap")
-    add_json(made["info"])
+    for each in made.values():
+        add_json(each)
     add_span(made["cut"])
     made["convert"].add_argument(
         "--to",
@@ -193,6 +194,9 @@ def _mend(options: argparse.Namespace) -> int:
         lost += [f"{size(each.cut)} at its end were cut"] if each.cut else []
         if each.is_whole and each.damaged:
             state = "it was damaged"
+        if options.json:
+            print(json.dumps(each._asdict(), default=str))
+            continue
         print(f"{each.path}: {each.messages} messages saved; {', '.join([state, *lost])}")
     return FINE if any(each.messages for each in found) else WRONG
 
@@ -206,7 +210,7 @@ def _merge(options: argparse.Namespace) -> int:
     with ExitStack() as end:
         recordings = [end.enter_context(Recording(each)) for each in options.recordings]
         count = copy(recordings, options.folder, _writing(options))
-    return _told(options.folder, count)
+    return _told(options, count)
 
 
 def _cut(options: argparse.Namespace) -> int:
@@ -217,7 +221,7 @@ def _cut(options: argparse.Namespace) -> int:
         start, end = span_of(options, recording)
         names = _chosen(recording, options.only)
         count = copy([recording], options.folder, _writing(options), names=names, start=start, end=end)
-    return _told(options.folder, count)
+    return _told(options, count)
 
 
 def _convert(options: argparse.Namespace) -> int:
@@ -229,7 +233,8 @@ def _convert(options: argparse.Namespace) -> int:
         if options.to == "csv":
             rows = write_csv(recording, options.folder, names)
             for path, number in rows.items():
-                print(f"{path}: {number} rows")
+                told = {"path": str(path), "rows": number}
+                print(json.dumps(told) if options.json else f"{path}: {number} rows")
             return FINE if rows else WRONG
         if options.to == "foxglove":
             from ..tools.foxglove import need_foxglove
@@ -240,11 +245,12 @@ def _convert(options: argparse.Namespace) -> int:
             count = copy([recording], options.folder, _writing(options), names=names, also=Drawn())
         else:
             count = copy([recording], options.folder, _writing(options, options.to), names=names, schema=options.to)
-    return _told(options.folder, count)
+    return _told(options, count)
 
 
-def _told(folder: Path, count: int) -> int:
-    print(f"{folder}: {count} messages")
+def _told(options: argparse.Namespace, count: int) -> int:
+    told = {"folder": str(options.folder), "messages": count}
+    print(json.dumps(told) if options.json else f"{options.folder}: {count} messages")
     return FINE if count else WRONG
 
 

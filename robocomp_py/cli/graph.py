@@ -30,6 +30,7 @@ examples:
   rc graph rescue --live -o now.svg  ... by the name of a network that rcdeploy runs
   rc graph game.smdsl -o game.svg    the states of a machine, and the transitions between them
   rc graph game.scxml > game.svg
+  rc graph net.ddsl --json           components and links for machines; also with --live, and of a state machine
 
 With --live, what is declared and not there is red, and what is there and not declared is grey and dotted. An arrow
 has the messages or calls of one second, and the median and the 99th percentile of durations: of calls the round trip,
@@ -48,7 +49,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     about = "network (.ddsl) or state machine (.smdsl, .scxml)"
     completed(to.add_argument("file", type=Path, metavar="FILE", help=about), What.NETWORK, ".ddsl", ".smdsl", ".scxml")
     to.add_argument("--live", action="store_true", help="what runs, beside what the network FILE declares")
-    to.add_argument(
+    form = to.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="one JSON object instead of a picture, for machines")
+    form.add_argument(
         "-o",
         dest="output",
         type=Path,
@@ -70,18 +73,20 @@ def run(options: argparse.Namespace) -> int:
     if ending not in endings:
         what = "a network" if kind == ".ddsl" else "a state machine"
         return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; use one of these")
-    drawn = _network(options, ending) if kind == ".ddsl" else _machine(path)
+    drawn = _network(options, ending) if kind == ".ddsl" else _machine(options)
     return drawn if isinstance(drawn, int) else _written(drawn, output)
 
 
-def _machine(path: Path) -> str | int:
+def _machine(options: argparse.Namespace) -> str | int:
     from ..dsl.workspace import Workspace
-    from ..graph.statemachine import draw
+    from ..graph.statemachine import as_json, draw
 
     workspace = Workspace()
-    machine = workspace.statemachine(path)
+    machine = workspace.statemachine(options.file)
     show(workspace.report.diagnostics)
-    return WRONG if machine is None else draw(machine)
+    if machine is None:
+        return WRONG
+    return as_json(machine) if options.json else draw(machine)
 
 
 def _network(options: argparse.Namespace, ending: str) -> str | int:
@@ -103,12 +108,13 @@ def _network(options: argparse.Namespace, ending: str) -> str | int:
     if plan is None:
         return WRONG
     ways: Mapping[str, Callable[[Graph], str]] = {".dot": nettext.dot, ".mmd": nettext.mermaid}
-    return ways.get(ending, netsvg.draw)(graph_of(plan))
+    return (nettext.as_json if options.json else ways.get(ending, netsvg.draw))(graph_of(plan))
 
 
 def _live(options: argparse.Namespace, ending: str) -> int:
     """Draw what runs now; it is looked at twice, for rates."""
     from ..graph.netsvg import draw
+    from ..graph.nettext import as_json
     from ..tools.access import Access
     from ..tools.lookout import Lookout, seen_twice
     from ..tools.monitor.view import picture
@@ -125,7 +131,7 @@ def _live(options: argparse.Namespace, ending: str) -> int:
             look = seen_twice(Lookout(access, lambda: plan, partial(hosts.look, ())))
         for each in look.troubles:
             print(f"rc graph: could not look: {each}", file=sys.stderr)
-        return code_of(hosts, _written(draw(picture(look)), options.output))
+        return code_of(hosts, _written((as_json if options.json else draw)(picture(look)), options.output))
     return code()
 
 

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import json
 from typing import TYPE_CHECKING
 
 from .common import FINE
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import COMPONENT, EXIT_STATUS, Absent, add_middleware, add_waiting, awaited, components_named, reported
+from .live import (
+    COMPONENT,
+    EXIT_STATUS,
+    Absent,
+    add_json,
+    add_middleware,
+    add_waiting,
+    awaited,
+    components_named,
+    reported,
+)
 
 if TYPE_CHECKING:
     from ..tools.network import Network
@@ -39,6 +50,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)
+    add_json(to)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,5 +68,7 @@ def run(options: argparse.Namespace) -> int:
         if len(names) > 1:
             raise Absent(f"there are several: {', '.join(names)}; write more of the name")
         asking.set_log_level(access, network, names[0], options.logger, options.level, options.timeout)
+        if options.json:
+            print(json.dumps({"component": names[0], "logger": options.logger, "level": options.level}))
         return FINE
     return code()

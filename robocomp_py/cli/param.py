@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +73,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_json(one)
     several = command("set", "change parameters, all or none")
     completed(several.add_argument("values", nargs="+", metavar="NAME=VALUE"), What.SETTING)
+    add_json(several)
     described = command("describe", "show types, ranges, choices and comments")
     completed(described.add_argument("name", nargs="?", default="", metavar="NAME"), What.PARAMETER)
     add_json(described)
@@ -85,6 +86,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     command("dump", "print the parameters as a file of ROS 2", "+")
     loaded = command("load", "set those parameters of a file of ROS 2 that differ")
     loaded.add_argument("file", type=Path, metavar="FILE")
+    add_json(loaded)
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,18 @@ def _set(at: _At, options: argparse.Namespace) -> int:
             raise Absent(f"{each!r} is no NAME=VALUE")
         texts[name] = text
     params.change(at.access, at.network, at.one, texts, at.deadline)
+    if options.json:
+        _print_changed(at, texts)
     return FINE
+
+
+def _print_changed(at: _At, names: Iterable[str]) -> None:
+    """The values that these parameters have now, for machines."""
+    from ..tools import params
+
+    now = {each.name: each for each in at.settings(at.one)}
+    for name in names:
+        print(json.dumps({"component": at.one, "name": name, "value": params.typed(now[name])}))
 
 
 def _describe(at: _At, options: argparse.Namespace) -> int:
@@ -256,6 +269,9 @@ def _load(at: _At, options: argparse.Namespace) -> int:
     changed = {name: text for name, text in given.items() if name not in now or _differs(now[name], text)}
     if changed:
         params.change(at.access, at.network, at.one, changed, at.deadline)
+    if options.json:
+        _print_changed(at, changed)
+        return FINE
     for name, value in changed.items():
         print(f"{name} = {value}")
     return FINE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from typing import TYPE_CHECKING
 
 from .common import FINE, USAGE
@@ -11,6 +12,7 @@ from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
     TOPIC,
+    add_json,
     add_middleware,
     add_request,
     add_waiting,
@@ -59,6 +61,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)
+    add_json(to)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -89,4 +92,6 @@ def _publish(network: Network, channel: Channel, options: argparse.Namespace) ->
             return refused
         most = options.most or (None if options.rate else 1)
         publish(access, channel, taken, options.timeout, rate=options.rate, most=most, latched=options.latch)
+        if options.json:
+            print(json.dumps({"channel": channel.name, "messages": most}))
         return FINE

@@ -1,9 +1,10 @@
-"""Networks as text for other programs: Graphviz's DOT, and Mermaid."""
+"""Networks as text for other programs: Graphviz's DOT, Mermaid, and JSON."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 from .network import Edge, Graph, Group, Node
 from .svg import printable
@@ -19,6 +20,34 @@ def dot(graph: Graph) -> str:
         "}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def as_json(graph: Graph) -> str:
+    """One object: the network, its components with what is around each, and the links between them."""
+    links = [
+        {
+            "from": each.source,
+            "to": each.target,
+            "kind": "topic" if each.topic else "call",
+            "over": each.middleware,
+            "interfaces": each.interfaces,
+            **_told(each),
+        }
+        for each in graph.edges
+    ]
+    return json.dumps({"network": graph.name, "components": list(_listed(graph.root, [])), "links": links}) + "\n"
+
+
+def _listed(group: Group, around: list[dict[str, str]]) -> Iterator[dict[str, Any]]:
+    for each in group.inner:
+        if isinstance(each, Node):
+            yield {"name": each.name, "component": each.component, "within": around, **_told(each)}
+        else:
+            yield from _listed(each, [*around, {"kind": str(each.kind), "name": each.title}])
+
+
+def _told(each: Node | Edge) -> dict[str, Any]:
+    return {"mark": str(each.mark), "strained": each.is_strained, "figures": each.figures}
 
 
 def _dot_group(group: Group, indent: str, count: list[int]) -> Iterator[str]:

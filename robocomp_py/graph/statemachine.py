@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -39,6 +40,24 @@ _STYLE = """\
 def draw(machine: StateMachine) -> str:
     """The picture of a machine."""
     return _Drawing(machine).svg()
+
+
+def as_json(machine: StateMachine) -> str:
+    """One object: the machine, its states, each before those in it, and its transitions."""
+    parents = {inner.name: state.name for state in machine.every_state() for inner in state.states}
+    states = [
+        {
+            "name": each.name,
+            "within": parents.get(each.name, ""),
+            "initial": each.initial,
+            "parallel": each.parallel,
+            "final": each.final,
+        }
+        for each in machine.every_state()
+    ]
+    transitions = [{"from": each.source, "to": each.target, "events": each.events} for each in machine.transitions]
+    told = {"machine": machine.name, "initial": machine.initial, "states": states, "transitions": transitions}
+    return json.dumps(told) + "\n"
 
 
 @dataclass

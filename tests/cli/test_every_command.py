@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import signal
@@ -23,7 +24,21 @@ from ..tools.test_commands import Talker
 
 Said = pytest.CaptureFixture[str]
 
-WITH_JSON = ("lint", "links", "list", "info", "echo", "hz", "bw", "delay", "call", "doctor", "top", "record", "plot")
+WITHOUT_JSON = {
+    "fmt": "it formats files; `--check` prints their names, one a line",
+    "rename": "it shows a diff, and asks",
+    "run": "what is printed comes from the component",
+    "host": "it prints nothing but what its middleware logs",
+    "sim new": "it writes files",
+    "sim view": "it serves a page",
+    "sim edit": "it serves a page",
+    "foxglove": "it serves Foxglove, in its protocol",
+    "param dump": "it prints a file of ROS 2; `rc param list --json` has the same values",
+    "lsp": "it speaks the protocol of editors",
+    "mcp": "it speaks the protocol of agents",
+    "completion": "it prints the script of a shell",
+}
+"""Why a command has no `--json`."""
 
 
 @pytest.fixture
@@ -67,10 +82,20 @@ def test_each_part_of_a_command_has_an_example(name: str, capsys: Said) -> None:
     assert [each for each in known if f"rc {name} {each}" not in told] == []
 
 
-@pytest.mark.parametrize("name", WITH_JSON)
-def test_what_is_listed_or_measured_can_be_json(name: str, capsys: Said) -> None:
-    assert ended(name, "--help") == 0
-    assert "--json" in capsys.readouterr().out
+def parsers(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """The parsers of commands, by their names; of one with parts, those of the parts."""
+    parts = [each for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
+    for each in parts:
+        for part, inner in each.choices.items():
+            yield from parsers(inner, f"{name} {part}".strip())
+    if not parts:
+        yield name, parser
+
+
+def test_each_command_has_json_or_a_reason_why_not() -> None:
+    known = {name: made for each in rc.COMMANDS for name, made in parsers(rc.parser_for(each))}
+    without = {name for name, made in known.items() if not re.search(r"^ +--json\b", made.format_help(), re.MULTILINE)}
+    assert without == set(WITHOUT_JSON)
 
 
 @pytest.mark.parametrize("name", [each for each in rc.COMMANDS if each != rc.RUN])

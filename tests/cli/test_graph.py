@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -70,6 +71,21 @@ def test_a_network_is_drawn_in_the_way_that_its_name_says(
     assert Path(picture).read_bytes().startswith(begin)
 
 
+def test_a_network_and_a_machine_are_told_to_machines(network: Path, capsys: Said) -> None:
+    capsys.readouterr()
+    assert rc(["graph", str(network), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["network"], told["links"]) == ("net", [])
+    assert [(each["name"], each["component"], each["within"]) for each in told["components"]] == [
+        ("left", "arm", []),
+        ("right", "arm", []),
+    ]
+    assert rc(["graph", "game.scxml", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["transitions"] == [{"from": "a", "to": "b", "events": ["e"]}]
+    assert [(each["name"], each["final"]) for each in told["states"]] == [("a", False), ("b", True)]
+
+
 def test_a_machine_can_be_drawn_as_pixels(folder: Path) -> None:
     assert rc(["graph", "game.smdsl", "-o", "game.png"]) == 0
     assert (folder / "game.png").read_bytes().startswith(b"\x89PNG")
@@ -114,6 +130,9 @@ def test_what_is_declared_and_does_not_run_is_drawn_as_missing(network: Path, ca
     boxes = [each for each in ElementTree.fromstring(drawn).iter() if each.get("class") == "missing"]
     assert [each.tag.rpartition("}")[2] for each in boxes] == ["rect", "rect"]
     assert capsys.readouterr() == ("", "")
+    assert rc(["graph", "net.ddsl", "--live", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [(each["name"], each["mark"]) for each in told["components"]] == [("left", "missing"), ("right", "missing")]
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,8 @@ def test_a_detached_goal_goes_on_and_can_be_cancelled(capsys: pytest.CaptureFixt
     goal = began.split()[1]
     assert "no goal ffff" in complained(capsys, "action", "cancel", "fly", "ffffffffff")
     wait_until(lambda: "EXECUTING" in said(capsys, "action", "info", "fly"))
+    goals = json.loads(said(capsys, "action", "info", "fly", "--json"))["goals"]
+    assert [state for name, state in goals.items() if name.startswith(goal)] == ["EXECUTING"]
     assert re.match(rf"fly {goal}: CANCEL", said(capsys, "action", "cancel", "fly", goal))
     wait_until(lambda: "EXECUTING" not in said(capsys, "action", "info", "fly"))
     assert f"goal {goal} of pilot/Pilot/fly is over: CANCELED" in complained(capsys, "action", "cancel", "fly", goal)

@@ -326,7 +326,8 @@ def test_a_subscriber_hears_what_a_tool_publishes(middleware: str, capsys: pytes
         wait_until(lambda: any(each.uses for each in take_census([middleware]).components()))
         said(capsys, "pub", "phantom/Everything/news", '{"number": 7, "text": "boo"}')
         wait_until(lambda: "7 boo" in worker.entries)
-        said(capsys, "pub", "phantom/Everything/news", "number=8", "text=again", "-n", "2", "--rate", "100")
+        again = ("pub", "phantom/Everything/news", "number=8", "text=again", "-n", "2", "--rate", "100", "--json")
+        assert json.loads(said(capsys, *again)) == {"channel": "phantom/Everything/news", "messages": 2}
         wait_until(lambda: worker.entries.count("8 again") == 2)
 
 

@@ -40,7 +40,8 @@ def test_parameters_are_listed(tuned: Any, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_value_is_set_and_read(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    said(capsys, "param", "set", "tuned", "max_speed=1.5", *OVER)
+    told = json.loads(said(capsys, "param", "set", "tuned", "max_speed=1.5", "--json", *OVER))
+    assert told == {"component": "robot1/tuned", "name": "max_speed", "value": 1.5}
     assert said(capsys, "param", "get", "robot1/tuned", "max_speed", *OVER) == "1.5\n"
     told = json.loads(said(capsys, "param", "get", "tuned", "max_speed", "--json", *OVER))
     assert told == {"component": "robot1/tuned", "name": "max_speed", "value": 1.5}
@@ -101,7 +102,9 @@ def test_changes_are_watched(tuned: Any, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_a_level_is_set(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    said(capsys, "log", "tuned", "debug", "--logger", "robocomp.test-level", *OVER)
+    logger = "robocomp.test-level"
+    told = json.loads(said(capsys, "log", "tuned", "debug", "--logger", logger, "--json", *OVER))
+    assert told == {"component": "robot1/tuned", "logger": logger, "level": "debug"}
     assert logging.getLogger("robocomp.test-level").level == logging.DEBUG
 
 

@@ -162,7 +162,8 @@ def test_a_recording_is_described(run: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_part_is_cut_out(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cut = ("--start", 2, "--for", 3, "--only", "News", "--compress", "zstd")
-    said(capsys, "bag", "cut", run, "-o", tmp_path / "part", *cut)
+    told = json.loads(said(capsys, "bag", "cut", run, "-o", tmp_path / "part", *cut, "--json"))
+    assert (told["folder"], told["messages"] > 0) == (str(tmp_path / "part"), True)
     assert numbers_in(tmp_path / "part") == [2, 3, 4]
 
 
