@@ -86,7 +86,7 @@ class Renderer:
         """
         stage = self._stage
         if stage is None or not stage.fits(view):
-            self.close()
+            self._stage = None
             stage = _Stage(view)
             self._artist.load(stage.model)
             self._stage = stage
