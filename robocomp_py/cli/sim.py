@@ -8,12 +8,16 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import RobocompError
 from . import starting
 from .common import FINE, complain
 from .completing import What, completed
 from .viewing import EDIT_HELP, VIEW_HELP, add_edit, add_view, edit, view
+
+if TYPE_CHECKING:
+    from ..innermodel.tree import Tree
 
 NAME = "sim"
 HELP = "simulate a scene of InnerModel as a component, and show and edit it in the browser"
@@ -107,7 +111,15 @@ def run(options: argparse.Namespace) -> int:
     code = _new(options, found, [{"id": name, "fans": FANS, "field": FIELD} for name in dict.fromkeys(options.lidar)])
     if missing and code == FINE:
         print(f"not provided yet: {missing}")
+    lost = [str(tree.node(name).values["file"]) for name, tag in tree.tags.items() if _is_lost(tree, name, tag)]
+    if lost and code == FINE:
+        print(f"no such file: {', '.join(dict.fromkeys(lost))}; the parameter `without_meshes` leaves such meshes out")
     return code
+
+
+def _is_lost(tree: Tree, name: str, tag: str) -> bool:
+    """Whether a node is a mesh without a file."""
+    return tag == "mesh" and tree.file(name) is None
 
 
 def _print_offers(found: dict[str, tuple[tuple[str, ...], int]], options: argparse.Namespace) -> None:

@@ -278,6 +278,9 @@ def _real(path: Path) -> Path:
 _ATTRIBUTE = re.compile(rb"""([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')""")
 """An attribute of a start tag that is well-formed."""
 
+_FOREIGN = dict.fromkeys(("robot", "mujoco"), "docs/guides/importing.md makes a scene of URDF and MJCF")
+"""Remedies for roots of other formats."""
+
 _UNKNOWN = Tag("", "", {}, has_children=True)
 """The tag of an element that is not known, so that its children are read, too."""
 
@@ -344,7 +347,7 @@ class _Parser:
         if not self._open:
             if lower != ROOT:
                 message = f"the root is <{name}>; the root of an InnerModel is <innerModel>"
-                self._give_up("foreign-root", message, place)
+                self._give_up("foreign-root", message, place, _FOREIGN.get(lower, ""))
             return TAGS[ROOT]
         if lower == ROOT:
             self._reader.error("unknown-tag", "<innerModel> is the root only", place, "use <transform>, or <include>")

@@ -304,7 +304,9 @@ def _add_mesh(building: Building, node: Node, body: mujoco.MjsBody, within: Arra
         if building.without_meshes:
             return
         raise InnerModelError(
-            f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave it out", node=node.id
+            f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave such meshes out by "
+            "`without_meshes`",
+            node=node.id,
         )
     position, turn = _in_simulation(within)
     if building.looks:

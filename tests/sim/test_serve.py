@@ -225,6 +225,16 @@ def test_devices_that_are_not_provided_yet_are_told(tmp_path: Path, capsys: pyte
     assert "not provided yet: laser without `measures`: off\n" in capsys.readouterr().out
 
 
+def test_meshes_without_a_file_are_told_when_a_component_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(SCENE.replace('<laser id="off"/>', '<mesh id="cup" file="cup.obj"/>'))
+    assert rc(["sim", "new", str(path), "-o", str(tmp_path / "house")]) == 0
+    said = capsys.readouterr().out
+    assert "no such file: cup.obj; the parameter `without_meshes` leaves such meshes out\n" in said
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
