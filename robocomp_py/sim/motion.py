@@ -137,7 +137,7 @@ class Motion(State):
     def _catch(self) -> None:
         """Put to rest what has fallen out of the scene."""
         for body in caught(self._scene.model, self._data, self._free):
-            text = "`%s` has fallen %g m below the scene after %.1f s, and stays there"
+            text = "`%s` has fallen more than %g m below the scene by %.1f s, and stays there"
             log.warning(text, self._scene.node_of(body), DEEPEST, self.time)
 
     def _tell(self, base: Base, speed: Speed, factors: Three) -> None:
