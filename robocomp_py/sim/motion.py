@@ -76,14 +76,16 @@ class Motion(State):
 
     def _turn_joints(self) -> None:
         """Turn those that have a goal. Those without one need not be looked at again."""
+        motors, joints, tick, ahead = self._motors, self._scene.joints, self._tick, lag(self._tick)
         for name in tuple(self._busy):
-            motor, joint = self._motors[name], self._scene.joints[name]
+            motor, joint = motors[name], joints[name]
             if motor.goal is not None:
                 low, high = max(joint.low, -FARTHEST), min(joint.high, FARTHEST)
-                motor = motor_moved(motor, self._tick, low, high)
-                self._hold_joint(name, motor)
+                motors[name] = motor = motor_moved(motor, tick, low, high)
+                if not self._physics:
+                    self._places[joint.place] = joint.place_of(motor.position)
             if self._physics:
-                self._data.ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * lag(self._tick))
+                self._data.ctrl[joint.servo] = joint.place_of(motor.position + motor.speed * ahead)
             if motor.goal is None:
                 del self._busy[name]
 

@@ -125,6 +125,13 @@ class State:
             if is_lidar(parameters.get(name, {}))
         }
         self._movable = list(self._scene.movable)
+        frames = [self._scene.frames[name] for name in self._movable]
+        self._frames = (
+            np.array([frame.body for frame in frames], dtype=np.intp),
+            np.array([frame.rotation for frame in frames]),
+            np.array([frame.position for frame in frames]),
+        )
+        """Of those: the body, and the pose within it."""
         self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
         self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
         """By base: the vector of positions when `_depths` were computed last, and what they were."""

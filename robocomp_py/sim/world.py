@@ -346,14 +346,13 @@ class World(Motion, Touching):
 
     def poses(self) -> Array:
         """The poses of all `movable` nodes, seen from the root: shape (n, 4, 4), mm."""
-        frames = [self._scene.frames[name] for name in self._movable]
-        bodies = [frame.body for frame in frames]
-        made = np.zeros((len(frames), 4, 4))
-        if not frames:
+        bodies, rotations, positions = self._frames
+        made = np.zeros((len(bodies), 4, 4))
+        if not len(bodies):
             return made
         turns = self._data.xmat[bodies].reshape(-1, 3, 3)
-        away = turns @ np.array([frame.position for frame in frames])[:, :, None]
-        made[:, :3, :3] = axes.rotation_from_simulation(turns @ np.array([frame.rotation for frame in frames]))
+        away = turns @ positions[:, :, None]
+        made[:, :3, :3] = axes.rotation_from_simulation(turns @ rotations)
         made[:, :3, 3] = axes.position_from_simulation(self._data.xpos[bodies] + away[..., 0])
         made[:, 3, 3] = 1.0
         return made
