@@ -391,3 +391,15 @@ def test_egl_and_osmesa_draw_the_same(room: World, renderer: Renderer, tmp_path:
         env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert said.stdout.strip() == here, said.stderr
+
+
+def test_an_opengl_that_is_named_and_not_there_is_told_by_a_component(tmp_path: Path) -> None:
+    (tmp_path / "OpenGL").mkdir()
+    (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('as PyOpenGL does without a library')")
+    environment = {**os.environ, "MUJOCO_GL": "egl", "PYTHONPATH": str(tmp_path)}
+    environment.pop("PYOPENGL_PLATFORM", None)
+    said = subprocess.run(
+        [sys.executable, "-c", "import robocomp_py.sim.serve.simulator"],
+        env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert "ConfigurationError: MUJOCO_GL=egl names an OpenGL that this machine does not have" in said.stderr
