@@ -128,6 +128,8 @@ def network_named(text: str) -> str:
     from ..deploy.client import network_of, networks, running_plan
     from ..errors import ConfigurationError
 
+    if Path(text).suffix not in ("", ".ddsl"):
+        raise ConfigurationError(f"{text}: give it the file of a scene (.xml), or a network")
     running = networks()
     if text:
         name = network_of(text)

@@ -77,6 +77,7 @@ def test_what_is_edited_is_a_file_of_a_scene(capsys: pytest.CaptureFixture[str])
     [
         (["nowhere"], 2, "network `nowhere` does not run here; start it with rcdeploy, or give the file of a scene"),
         (["nowhere.ddsl"], 1, "nowhere.ddsl cannot be read"),
+        (["house.dae"], 2, "house.dae: give it the file of a scene (.xml), or a network"),
         (["--middleware", "smoke"], 2, "unknown middleware `smoke`"),
         (["--component", "nothing", "--middleware", "shm"], 1, "unknown component with a scene `nothing`"),
     ],
