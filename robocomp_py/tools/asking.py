@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import logging
 import platform
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -182,24 +183,50 @@ def _taken(kind: types.Type, values: Any, wanted: type[T]) -> T:
 
     Raises TypeError if a field is of another type than ours.
     """
-    if not isinstance(kind, types.Struct) or not isinstance(values, tuple):
+    if not isinstance(kind, types.Struct):
         raise TypeError(f"{wanted.__name__} is no struct there")
-    contract: types.Struct = wanted.__contract__  # type: ignore[attr-defined]  # of every generated class
+    taken: T = _reader(kind, wanted)(values)  # type: ignore[arg-type]  # mypy: a class would not be hashable
+    return taken
+
+
+_Reader = Callable[[Any], Any]
+"""Makes a value of ours from one of theirs. Raises TypeError or ValueError."""
+
+
+@lru_cache(100)
+def _reader(kind: types.Struct, wanted: Any) -> _Reader:
+    """Reads structs of a kind: made once, since hundreds of components answer every second or two."""
+    contract: types.Struct = wanted.__contract__
     ours = {each.name: each.type for each in contract.fields}
-    given = {
-        field.name: _value(ours[field.name], field.type, value)
-        for field, value in zip(kind.fields, values, strict=True)
-        if field.name in ours
-    }
-    return wanted(**given)
+    readers = [
+        (number, each.name, _reader_of(ours[each.name], each.type))
+        for number, each in enumerate(kind.fields)
+        if each.name in ours
+    ]
+
+    def read(values: Any) -> Any:
+        if not isinstance(values, tuple) or len(values) != len(kind.fields):
+            raise TypeError(f"{wanted.__name__} is no struct there")
+        return wanted(**{name: read_field(values[number]) for number, name, read_field in readers})
+
+    return read
 
 
-def _value(ours: types.Type, theirs: types.Type, value: Any) -> Any:
+def _reader_of(ours: types.Type, theirs: types.Type) -> _Reader:
     match ours, theirs:
         case types.Struct(python=python), types.Struct() if python is not None:
-            return _taken(theirs, value, python)
+            return _reader(theirs, python)  # type: ignore[arg-type]  # the same
         case types.Sequence(item), types.Sequence(other) if isinstance(item, types.Struct | types.Primitive):
-            return value if isinstance(value, np.ndarray) and item == other else [_value(item, other, x) for x in value]
+            read, is_array = _reader_of(item, other), item == other
+            return lambda value: value if is_array and isinstance(value, np.ndarray) else [*map(read, value)]
         case types.Primitive(), types.Primitive() if ours is theirs:
-            return printable(value) if isinstance(value, str) else value
-    raise TypeError(f"{types.spell(theirs)} where {types.spell(ours)} is expected")
+            return _harmless
+
+    def refuse(value: Any) -> Any:
+        raise TypeError(f"{types.spell(theirs)} where {types.spell(ours)} is expected")
+
+    return refuse
+
+
+def _harmless(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value

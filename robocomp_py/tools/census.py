@@ -62,14 +62,19 @@ def take_each(middlewares: Sequence[str] = (), options: Mapping[str, Mapping[str
     """The same, but what goes wrong with one middleware is only told. By default, all middlewares are asked."""
     ends: list[End] = []
     tellers, troubles = [], []
-    for name in middlewares or _nearest_first(deployments()):
-        try:
-            ends += take_census((name,), own=True, options=options).ends
-            tellers.append(name)
-        except ConfigurationError:
-            continue  # it is not installed, or cannot tell
-        except TransportError as exc:
-            troubles.append(str(exc))
+    with installed.asked_once():
+        for name in middlewares or _nearest_first(deployments()):
+            try:
+                check_names((name,))
+                found = _ends(name, (options or {}).get(name, {}))
+            except ConfigurationError:
+                continue  # it is not installed
+            except TransportError as exc:
+                troubles.append(str(exc))
+                continue
+            if found is not None:
+                ends += found
+                tellers.append(name)
     return Seen(ends, {"": frozenset(tellers)}, troubles)
 
 

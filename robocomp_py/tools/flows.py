@@ -47,8 +47,8 @@ class Told:
 
 def flows(drift: Drift, told: Mapping[str, Told]) -> dict[Use, Flow]:
     """By use; `told` is by the whole names of components."""
-    who = {each.name: answers_of(each, told) for each in drift.instances}
-    return {each: _flow(each, who.get(each.client), who.get(each.provider)) for each in drift.uses}
+    who = {each.name: _Side(answers_of(each, told)) for each in drift.instances}
+    return {each: _flow(each, who.get(each.client, _NOBODY), who.get(each.provider, _NOBODY)) for each in drift.uses}
 
 
 def answers_of(instance: Instance, told: Mapping[str, Told]) -> Told | None:
@@ -73,14 +73,33 @@ def merged(every: Sequence[Flow]) -> Flow:
     )
 
 
-def _flow(use: Use, client: Told | None, provider: Told | None) -> Flow:
-    users = _operations(use, client, ("requires", "subscribesTo"))
-    servers = _operations(use, provider, ("implements", "publishes"))
+class _Side:
+    """What one component answered, sorted once for all of its uses."""
+
+    def __init__(self, told: Told | None) -> None:
+        self.about = told.about if told else None
+        before = {_key(each): each for each in told.before.operations} if told and told.before else {}
+        self.users: list[_Pair] = []
+        self.servers: list[_Pair] = []
+        for each in told.now.operations if told else ():
+            if each.channel and each.verb in _EITHER:
+                (self.users if each.verb in _USERS else self.servers).append((each, before.get(_key(each))))
+
+
+_USERS, _SERVERS = frozenset(("requires", "subscribesTo")), frozenset(("implements", "publishes"))
+_EITHER = _USERS | _SERVERS
+_Pair = tuple[Operation, Operation | None]
+"""What a component measured of an operation, with what it had measured before."""
+_NOBODY = _Side(None)
+
+
+def _flow(use: Use, client: _Side, provider: _Side) -> Flow:
+    users, servers = _operations(use, client.users), _operations(use, provider.servers)
     durations = users or ([] if use.is_topic else servers)
     counted = (servers or users) if use.is_topic else durations
     rate = _sum(each.rate for each, _ in counted)
     p99 = _longest(each.p99 for each, _ in durations)
-    deadline = _deadline(use, client)
+    deadline = _deadline(use, client.about)
     tight = 1 / rate if use.is_topic and rate else p99
     return Flow(
         rate,
@@ -92,33 +111,23 @@ def _flow(use: Use, client: Told | None, provider: Told | None) -> Flow:
     )
 
 
-def _operations(use: Use, told: Told | None, verbs: Sequence[str]) -> list[tuple[Operation, Operation | None]]:
-    """What a component measured of a use, each with what it had measured before."""
-    found = [
-        each
-        for each in (told.now.operations if told else ())
-        if each.verb in verbs and each.channel and _means(each.channel, use.channel)
-    ]
-    chosen = [each for each in found if each.middleware == use.middleware] or found
-    before = {_key(each): each for each in (told.before.operations if told and told.before else ())}
-    return [(each, before.get(_key(each))) for each in chosen]
+def _operations(use: Use, measured: Sequence[_Pair]) -> list[_Pair]:
+    """What a component measured of a use."""
+    found = [each for each in measured if _means(each[0].channel, use.channel)]
+    return [each for each in found if each[0].middleware == use.middleware] or found
 
 
-def _deadline(use: Use, client: Told | None) -> float:
+def _deadline(use: Use, about: Description | None) -> float:
     """The deadline of a call, or between messages of a topic, in seconds; 0 without a deadline."""
-    ends = client.about.ends if client and client.about else ()
-    mine = [
-        each
-        for each in ends
-        if each.verb in ("requires", "subscribesTo") and each.channel and _means(each.channel, use.channel)
-    ]
+    ends = about.ends if about else ()
+    mine = [each for each in ends if each.verb in _USERS and each.channel and _means(each.channel, use.channel)]
     if not use.is_topic:
         return min((each.deadline for each in mine if each.deadline > 0), default=0.0)
     asked = (asked_by(each) for each in mine)
     return min((each.deadline for each in asked if each and each.deadline and each.deadline > 0), default=0.0)
 
 
-def _worsened(pair: tuple[Operation, Operation | None]) -> bool:
+def _worsened(pair: _Pair) -> bool:
     now, before = pair
     return before is not None and (now.failed > before.failed or _lost(now) > _lost(before))
 
@@ -128,7 +137,7 @@ def _lost(each: Operation) -> int:
 
 
 def _means(looked_up: str, channel: str) -> bool:
-    return looked_up.count("/") >= 2 and names.matches(looked_up, channel)
+    return looked_up == channel or (looked_up.count("/") >= 2 and names.matches(looked_up, channel))
 
 
 def _is_of(instance: Instance, told: Told) -> bool:

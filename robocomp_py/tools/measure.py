@@ -109,7 +109,10 @@ def load(component: str, now: Measures, before: Measures | None = None, about: D
 
 def percentile(durations: Sequence[float] | Durations, part: float) -> float:
     """The smallest of these that at least this part of them do not exceed; NaN without values."""
-    ordered = np.sort(np.asarray(durations, float))
+    return _nearest(np.sort(np.asarray(durations, float)), part)
+
+
+def _nearest(ordered: Durations, part: float) -> float:
     return float(ordered[max(0, math.ceil(part * len(ordered)) - 1)]) if len(ordered) else math.nan
 
 
@@ -125,7 +128,7 @@ def _operation(now: Measure, before: Measure | None, seconds: float) -> Operatio
     new = now.count - (before.count if before else 0)
     if new < 0:
         before, new = None, now.count
-    latest, waited = _newest(now.latest, new), _newest(now.waited, new)
+    latest, waited = np.sort(_newest(now.latest, new)), _newest(now.waited, new)
     return Operation(
         port=now.port,
         verb=now.verb,
@@ -134,10 +137,10 @@ def _operation(now: Measure, before: Measure | None, seconds: float) -> Operatio
         middleware=now.middleware,
         count=now.count,
         rate=_rate(new, seconds),
-        p50=percentile(latest, 0.5),
-        p99=percentile(latest, 0.99),
-        longest=percentile(latest, 1.0),
-        waited=percentile(waited, 1.0),
+        p50=_nearest(latest, 0.5),
+        p99=_nearest(latest, 0.99),
+        longest=_nearest(latest, 1.0),
+        waited=float(waited.max()) if len(waited) else math.nan,
         failed=now.failed,
         lost=now.lost + now.dropped,
         refused=now.malformed + now.mismatched + now.expired,
@@ -145,8 +148,13 @@ def _operation(now: Measure, before: Measure | None, seconds: float) -> Operatio
 
 
 def _newest(durations: Sequence[float] | Durations, number: int) -> Durations:
-    found = np.asarray(durations, np.float64)[-number:] if number else np.empty(0)
+    if not number or not len(durations):
+        return _NONE
+    found = np.asarray(durations[-number:], np.float64)
     return found[np.isfinite(found)]
+
+
+_NONE: Durations = np.empty(0)
 
 
 def _rate(number: float, seconds: float) -> float:

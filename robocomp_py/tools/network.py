@@ -179,16 +179,26 @@ class Network:
 
     def __init__(self, every: Iterable[End], *, own: bool = False) -> None:
         """With `own`, the interfaces of the framework belong to it, too."""
-        known = [_printable(each) for each in every if _is_understood(each.told)]
-        self._stock = [
-            each for each in known if names.segment(each.told.channel) in OWN and not _is_any(each.told.channel)
-        ]
-        self._ends = [each for each in known if own or names.segment(each.told.channel) not in OWN]
+        self._stock: list[End] = []
+        self._ends: list[End] = []
         self.channels: dict[str, Channel] = {}
-        for each in (end for end in self._ends if not _is_any(end.told.channel)):
-            name = each.told.channel
-            self.channels.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
-        for each in (end for end in self._ends if _is_any(end.told.channel)):
+        unnamed: list[End] = []
+        for end in every:  # there may be tens of thousands
+            parts = end.told.channel.split("/")
+            if len(parts) < 3 or not _is_understood(end.told):
+                continue
+            each = _printable(end)
+            is_own, is_any = parts[-2] in OWN, parts[-3] == names.ANY
+            if is_own and not is_any:
+                self._stock.append(each)
+            if is_own and not own:
+                continue
+            self._ends.append(each)
+            if is_any:
+                unnamed.append(each)
+            else:
+                _add(self.channels, each)
+        for each in unnamed:
             for channel in self.channels.values():
                 if PATTERNS[each.role] is channel.pattern and names.matches(each.told.channel, channel.name):
                     channel.ends.append(each)
@@ -208,8 +218,7 @@ class Network:
         """The channels of all interfaces of the framework, by name, also if these do not belong to the network."""
         found: dict[str, Channel] = {}
         for each in self._stock:
-            name = each.told.channel
-            found.setdefault(name, Channel(name, PATTERNS[each.role])).ends.append(each)
+            _add(found, each)
         return found
 
     def components(self, *, tools: bool = False) -> list[Running]:
@@ -292,18 +301,22 @@ def _process(end: End) -> tuple[str, int, str]:
     return end.told.owner, end.told.pid, end.host
 
 
+def _add(channels: dict[str, Channel], end: End) -> None:
+    name = end.told.channel
+    channel = channels.get(name)
+    if channel is None:
+        channel = channels[name] = Channel(name, PATTERNS[end.role])
+    channel.ends.append(end)
+
+
 def _is_understood(told: Told) -> bool:
-    return told.role in PATTERNS and told.channel.count("/") >= 2 and told.channel.isprintable()
+    return told.role in PATTERNS and told.channel.isprintable()
 
 
 def _printable(end: End) -> End:
     """Its owner is named to people, and may call itself anything."""
     owner = end.told.owner
     return end if owner.isprintable() else replace(end, told=end.told._replace(owner=one_line(owner)))
-
-
-def _is_any(channel: str) -> bool:
-    return names.instance(channel) == names.ANY
 
 
 def _contains(parts: Sequence[str], wanted: Sequence[str]) -> bool:

@@ -16,8 +16,9 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from weakref import WeakValueDictionary
 
@@ -51,12 +52,21 @@ _OF_MEMBERS = (".json", ".lock")
 
 
 def census(transport: str) -> list[Told]:
-    """What the members of a transport announce now. The caller does not become one. Raises TransportError."""
-    return [
-        Told(member.owner, member.pid, entry.role, entry.channel, entry.fingerprint, entry.text, entry.traits)
-        for member in _members(runtime_dir(transport))
-        for entry in member.entries
-    ]
+    """What the members of a transport announce now, in the order of their identifiers. The caller does not become one.
+
+    Raises TransportError.
+    """
+    folder = runtime_dir(transport)
+    found: list[Told] = []
+    try:
+        for name in sorted(os.listdir(folder)):
+            if name.endswith(".json"):
+                found += _living(folder, name.removesuffix(".json"))
+    except FileNotFoundError:
+        return []  # nothing uses it
+    except OSError as exc:
+        raise TransportError(f"run-time folder {folder} cannot be read: {exc.strerror}") from exc
+    return found
 
 
 def announcing() -> list[str]:
@@ -68,26 +78,25 @@ def announcing() -> list[str]:
         raise TransportError(f"run-time folder {folder} cannot be read: {exc.strerror}") from exc
 
 
-def _members(folder: Path) -> list[Member]:
-    """All members that live, in the order of their identifiers."""
-    members = []
+def _living(folder: Path, member_id: str) -> Sequence[Told]:
+    """What a member announces, if it lives."""
     try:
-        for name in sorted(os.listdir(folder)):
-            if name.endswith(".json") and (member := _living(folder, name.removesuffix(".json"))):
-                members.append(member)
+        told = _told(content_of(folder / f"{member_id}.json"), member_id)
     except FileNotFoundError:
-        return []  # nothing uses it
-    except OSError as exc:
-        raise TransportError(f"run-time folder {folder} cannot be read: {exc.strerror}") from exc
-    return members
+        return ()  # it has just left
+    return told if _locked(folder / f"{member_id}.lock") else ()
 
 
-def _living(folder: Path, member_id: str) -> Member | None:
-    try:
-        member = understood(content_of(folder / f"{member_id}.json"), member_id)
-    except FileNotFoundError:
-        return None  # it has just left
-    return member if member and _locked(folder / f"{member_id}.lock") else None
+@lru_cache(2000)
+def _told(raw: bytes, name: str) -> tuple[Told, ...]:
+    """What the file of a member announces. It seldom changes, and takes much longer to understand than to read."""
+    member = understood(raw, name)
+    if member is None:
+        return ()
+    return tuple(
+        Told(member.owner, member.pid, entry.role, entry.channel, entry.fingerprint, entry.text, entry.traits)
+        for entry in member.entries
+    )
 
 
 @dataclass(frozen=True)
