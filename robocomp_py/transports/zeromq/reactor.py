@@ -31,7 +31,9 @@ class Reactor:
         self.guard: Guard | None = None
         """Watches the connections of other hosts, if there may be some."""
         self.add, self.receive, self.wake = loop.add, loop.receive, loop.wake
+        """See `Loop`."""
         self.attend, self.rest = loop.attend, loop.rest
+        """See `Loop`."""
         self.within = loop.within
         """Has links tick soon; for what is called when there is input."""
         self.do = loop.do
