@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import threading
+import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,6 +22,9 @@ from .network import Network
 
 if TYPE_CHECKING:
     from .posts import Line, Post
+
+Options = Mapping[str, Mapping[str, Any]]
+"""Of middlewares, by their names."""
 
 
 class Hosts:
@@ -50,7 +55,7 @@ class Hosts:
         self._known: dict[tuple[str, str], Post] = {}
         """By the names of a network and a host."""
         self._host_of: Mapping[str, str] = {}
-        self._options: Mapping[str, Mapping[str, Any]] = {}
+        self._options: Options = {}
         self.posts: Sequence[Post] = ()
         self.lost: Mapping[str, str] = {}
         """The hosts that the last look could not ask, and why."""
@@ -68,9 +73,10 @@ class Hosts:
             self._running = False  # it may end meanwhile
             hosts = {host["name"]: network for network, plan in plans.items() for host in plan.get("hosts", ())}
             self._check(hosts)
-            self._options = self._operator(plans)
+            opened = _opened(plans)
+            self._options = {**opened.get("", {}), **self._operator(plans)}
             wanted = [name for name in hosts if self._others is None or name in self._others]
-            self.posts = [self._post(hosts[name], name) for name in wanted]
+            self.posts = [self._post(hosts[name], name, opened.get(name, {})) for name in wanted]
             self._host_of = _host_of(plans)
         return self
 
@@ -117,12 +123,13 @@ class Hosts:
         ends = merged(here.ends, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
         return Seen(ends, {**here.tellers, **there.tellers}, [*here.troubles, *there.troubles]), lost
 
-    def _post(self, network: str, host: str) -> Post:
+    def _post(self, network: str, host: str, options: Options) -> Post:
         from .posts import Post  # a tool on a single host does without
 
         key = network, host
         if key not in self._known:
             self._known[key] = Post(host, partial(_connected, network, host))
+        self._known[key].options = options
         return self._known[key]
 
     def _check(self, hosts: Mapping[str, str]) -> None:
@@ -132,7 +139,7 @@ class Hosts:
             if name not in hosts:
                 raise ConfigurationError(unknown("host", name, hosts))
 
-    def _operator(self, plans: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    def _operator(self, plans: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
         """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
         if not (self._network or self._keys):
             return {}
@@ -182,6 +189,24 @@ class Hosts:
             if plan and (plan.get("hosts") or self._network):
                 found[name] = plan
         return found
+
+
+def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:
+    """By host, the options of middlewares with which components there meet; "" is this host.
+
+    Those that keep a folder on each host have no need of them, and those with keys admit operators only.
+    """
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for plan in plans.values():
+        keyed = {each["middleware"] for each in plan.get("helpers", ()) if each["keys"]}
+        for process in plan.get("processes", ()):
+            words = process.get("command", ())
+            set_ = (word for before, word in pairwise(words) if before == "--set" and word.startswith("transports."))
+            said = {word.partition("=")[0]: word for word in set_}  # components that share a process have the same
+            for name, options in tomllib.loads("\n".join(said.values())).get("transports", {}).items():
+                if name not in keyed and not deployment_of(name).directory:
+                    found.setdefault(process.get("host", ""), {}).setdefault(name, options)
+    return found
 
 
 def _host_of(plans: Mapping[str, Any]) -> Mapping[str, str]:

@@ -68,6 +68,8 @@ class Post:
     def __init__(self, host: str, connect: Callable[[], Line]) -> None:
         """`connect` starts a scout; it may raise RobocompError."""
         self.host, self._connect = host, connect
+        self.options: Mapping[str, Mapping[str, Any]] = {}
+        """Of middlewares there, by their names."""
         self._lock = threading.Lock()
         self._session: _Session | None = None
 
@@ -99,7 +101,7 @@ class Post:
     def following(self, do: str, take: Taker, **more: Any) -> Iterator[None]:
         """While entered, `take` gets the answers to a question, on a thread of this object. Raises RobocompError."""
         session = self._opened()
-        number = session.begin(do, take, more)
+        number = session.begin(do, take, {"options": self.options, **more} if self.options else more)
         try:
             yield
         finally:

@@ -21,6 +21,8 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "cease"}                             end the question with this number
     {"id": 0, "do": "took", "octets": 300000}            go on with octets: so much of them was taken
 
+A question may have `"options"` by the names of middlewares: with these they are opened, as components there do.
+
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
     {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
     {"id": 1, "message": […]}                            channel, decoded message, number of messages dropped before
@@ -49,7 +51,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from typing import IO, Any
@@ -164,13 +166,13 @@ class _Place:
         self._lock = threading.Lock()
         self._seen: dict[tuple[str, ...], tuple[float, Network]] = {}
 
-    def channel(self, name: str, middlewares: Sequence[str]) -> Channel:
-        """A channel by its whole name, by a census that is not older than a second. Raises ValueError."""
-        key = tuple(middlewares)
+    def channel(self, question: Message) -> Channel:
+        """The channel that a question names whole, by a census that is not older than a second. Raises ValueError."""
+        name, key = str(question["channel"]), tuple(_middlewares(question))
         with self._lock:
             at, network = self._seen.get(key, (0.0, None))
             if network is None or name not in network.channels or time.monotonic() - at > _RECENT:
-                network = take_census(middlewares, own=True)
+                network = _seen(question)
                 self._seen = {key: (time.monotonic(), network)}
         if name not in network.channels or not network.channels[name].providers:
             raise ValueError(f"no component serves {name}")
@@ -204,7 +206,7 @@ _Deed = Callable[[_Place, Message, Answer, threading.Event], None]
 
 
 def _census(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
-    seen = take_each(_middlewares(question))
+    seen = take_each(_middlewares(question), _options(question))
     for part in parts_of(seen.ends):
         answer(**part)
     answer(tellers=sorted(*seen.tellers.values()), troubles=seen.troubles)
@@ -278,7 +280,7 @@ def _octets(place: _Place, question: Message, answer: Answer, over: threading.Ev
 
 
 def _call(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
-    channel = place.channel(str(question["channel"]), _middlewares(question))
+    channel = place.channel(question)
     operation, deadline = channel.operation, float(question["within"])
     values_ = values.taken(operation.inputs, question["arguments"], operation.name)
     if channel.pattern is Pattern.COMMAND:
@@ -294,7 +296,7 @@ def _call(place: _Place, question: Message, answer: Answer, over: threading.Even
 def _publish(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     from .publishing import publish
 
-    channel = take_census(_middlewares(question), own=True).topic(str(question["channel"]))
+    channel = _seen(question).topic(str(question["channel"]))
     latched = question.get("latched") is True
     if not channel.users and not latched:
         raise Unreachable(f"nothing subscribes to {channel.name}")
@@ -302,6 +304,15 @@ def _publish(place: _Place, question: Message, answer: Answer, over: threading.E
     qos = from_traits(traits) if (traits := str(question.get("traits") or "")) else None
     within, rate, most = float(question["within"]), question.get("rate"), question.get("most")
     publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, latched=latched, over=over)
+
+
+def _seen(question: Message) -> Network:
+    return take_census(_middlewares(question), own=True, options=_options(question))
+
+
+def _options(question: Message) -> Mapping[str, Mapping[str, Any]]:
+    given = question.get("options")
+    return {str(name): each for name, each in given.items() if isinstance(each, dict)} if given else {}
 
 
 def _middlewares(question: Message) -> list[str]:
@@ -327,7 +338,7 @@ def _arrivals(place: _Place, question: Message, answer: Answer, over: threading.
 
 def _topics(question: Message) -> list[Channel]:
     """The topics that a question names whole. Raises ValueError."""
-    network = take_census(_middlewares(question), own=True)
+    network = _seen(question)
     return [network.topic(str(name)) for name in question["channels"]]
 
 

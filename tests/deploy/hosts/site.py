@@ -78,12 +78,20 @@ class Site:
 
     def rc(self, *arguments: object) -> Rcdeploy:
         """Run `rc` to its end."""
-        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments), command="rc"))
+        return self._ended("-m", "robocomp_py.cli.rc", *map(str, arguments))
+
+    def script(self, code: str) -> Rcdeploy:
+        """Run a script of the user to its end."""
+        return self._ended("-c", code)
+
+    def _ended(self, *words: str) -> Rcdeploy:
+        self.runs.append(Rcdeploy(self._environment, self.folder, *words))
         self.runs[-1].wait(LONG)
         return self.runs[-1]
 
     def run(self, *arguments: object) -> Rcdeploy:
-        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments)))
+        words = ("-m", "robocomp_py.cli.rcdeploy", *map(str, arguments))
+        self.runs.append(Rcdeploy(self._environment, self.folder, *words))
         return self.runs[-1]
 
     def close(self) -> None:
@@ -120,12 +128,12 @@ class Site:
 
 
 class Rcdeploy:
-    """`rcdeploy`, or another command, and what it has said so far."""
+    """`rcdeploy`, or another program in Python, and what it has said so far."""
 
-    def __init__(self, environment: dict[str, str], folder: Path, *arguments: str, command: str = "rcdeploy") -> None:
+    def __init__(self, environment: dict[str, str], folder: Path, *words: str) -> None:
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(
-            [sys.executable, "-m", f"robocomp_py.cli.{command}", *arguments],
+            [sys.executable, *words],
             env=environment,
             cwd=folder,
             stdin=subprocess.DEVNULL,

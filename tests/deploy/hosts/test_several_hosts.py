@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py.tools.recording.reader import Recording
 from tests.actions import flight
 from tests.deploy.hosts.site import Site, generate, gone
 from tests.deploy.laboratory import Laboratory
@@ -56,6 +57,34 @@ ASKING = """
         self.heard += 1
 """
 
+EAR = """
+import "../Echo.idsl";
+Component Ear { Communications { subscribesTo Tick; }; language python; };
+"""
+HEARING = """
+    def Tick_tick(self, number: int) -> None:
+        if number < 0:
+            self.log.info("told %d", number)
+"""
+SCRIPT = """
+from robocomp_py import connect
+from robocomp_py.errors import HostUnreachable
+
+with connect("Lab", timeout=30) as net:
+    echo = net.wait("echo/Echo")
+    print("twice", echo.twice(21))
+    first, second = (number for number, _ in zip(net.echo.Tick, range(2)))
+    print("next", second - first)
+"""
+LOST = """
+from robocomp_py import connect
+
+try:
+    connect("Lab").echo.Echo.twice(21)
+except Exception as exc:
+    print(type(exc).__name__, exc)
+"""
+
 
 @pytest.fixture(scope="module")
 def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -63,6 +92,7 @@ def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "Echo.idsl").write_text(IDSL)
     generate(root, "echo", ECHO, ECHOING)
     generate(root, "asker", ASKER, ASKING)
+    generate(root, "ear", EAR, HEARING)
     flight.write(root)
     return root
 
@@ -173,6 +203,39 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     gone(site, "robot", "base")
 
 
+@pytest.mark.parametrize("middleware", ["zeromq", "dds"])
+def test_tools_measure_publish_record_and_script_over_hosts(site: Site, middleware: str):
+    site.host("robot")
+    site.host("base")
+    net = site.network(
+        "Component echo : Echo { host robot; }; Component ear : Ear { host base; };",
+        f"security open; middleware {middleware};",
+    )
+    run = site.run("--insecure", net)
+    run.says("all 2 components")
+    measured = [json.loads(line) for line in site.rc("hz", "echo/Tick", "--for", "1.5", "--json").lines]
+    assert (measured[-1]["channel"], measured[-1]["missing"]) == ("echo/Tick/tick", 0)
+    assert measured[-1]["hz"] > 1
+    assert site.rc("pub", "echo/Tick", "number=-7").code == 0
+    run.says(r"ear │ .*told -7")
+    recorded = site.rc("record", "Tick", "--for", "1", "-o", site.folder / "recording", "--json")
+    assert recorded.code == 0, recorded.text
+    (topic,) = json.loads(recorded.lines[-1])["topics"]
+    assert (topic["channel"], topic["host"], topic["lost"]) == ("echo/Tick/tick", "robot", 0)
+    with Recording(site.folder / "recording") as recording:
+        assert recording.counts["echo/Tick/tick"] == topic["messages"] > 0
+    assert site.script(SCRIPT).lines == ["twice 42", "next 1"]
+    if middleware == "zeromq":
+        site.hosts["robot"].partition()
+        run.says("robot.* (out of reach|lost)")
+        lost = site.script(LOST).lines
+        assert any(line.startswith("NotThere") and "robot" in line for line in lost), lost
+        site.hosts["robot"].heal()
+    run.signal(signal.SIGINT)
+    run.wait()
+    gone(site, "robot", "base")
+
+
 def test_an_operator_hears_all_and_calls_only_introspection_and_what_is_allowed(site: Site):
     site.host("base")
     net = site.network(
@@ -195,6 +258,8 @@ def test_an_operator_hears_all_and_calls_only_introspection_and_what_is_allowed(
     measured = [json.loads(line) for line in site.rc("top", "--once", "--json", *here).lines]
     assert {"echo", "second"} <= {each["component"] for each in measured}
     assert site.rc("call", "second/Echo/twice", "value=21", *here).text == "42"
+    script = site.script(SCRIPT.replace("echo", "second"))
+    assert script.lines == ["twice 42", "next 1"], script.text
     refused = site.rc("call", "echo/Echo/twice", "value=1", *here)
     assert refused.code == 1
     assert "keys of this process do not allow it" in refused.text
