@@ -89,6 +89,11 @@ class Site:
         self.runs[-1].wait(LONG)
         return self.runs[-1]
 
+    def beginning(self, *arguments: object) -> Rcdeploy:
+        """Let `rc` run on."""
+        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments), command="rc"))
+        return self.runs[-1]
+
     def run(self, *arguments: object) -> Rcdeploy:
         words = ("-m", "robocomp_py.cli.rcdeploy", *map(str, arguments))
         self.runs.append(Rcdeploy(self._environment, self.folder, *words))

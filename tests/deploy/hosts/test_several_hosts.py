@@ -15,6 +15,7 @@ import pytest
 
 from robocomp_py.tools.recording.reader import Recording
 from tests.actions import flight
+from tests.browser import browsing
 from tests.deploy.hosts.site import Site, generate, gone
 from tests.deploy.laboratory import Laboratory
 
@@ -233,6 +234,38 @@ def test_tools_measure_publish_record_and_script_over_hosts(site: Site, middlewa
         site.hosts["robot"].heal()
     run.signal(signal.SIGINT)
     run.wait()
+    gone(site, "robot", "base")
+
+
+@pytest.mark.timeout(600)
+def test_the_monitor_draws_hosts_and_shows_one_that_is_lost_until_it_is_back(site: Site, tmp_path: Path):
+    site.host("robot")
+    base = site.host("base")
+    net = site.network(
+        "Component echo : Echo { host robot; restart always; }; Component other : Echo { host base; restart always; };",
+        "security open; middleware zeromq;",
+    )
+    run = site.run("--insecure", net)
+    run.says("all 2 components")
+    monitor = site.beginning("monitor", "Lab", "--every", "0.3")
+    monitor.says(r"http://\S+")
+    (tmp_path / "browser").mkdir()
+    rows = "[...document.querySelectorAll('#components tbody tr')].map(row => row.innerText).join('|')"
+    with browsing(tmp_path / "browser", monitor.lines[0].strip()) as browser:
+        titles = "[...document.querySelectorAll('#picture text')].map(each => each.textContent).join('|')"
+        for name, host in site.hosts.items():
+            browser(wait=f"{titles}.includes('host {name} ({host.address})')")
+        browser(wait=f"(({rows}).match(/compute/g) || []).length === 2")
+        base.partition()
+        run.says("base.* (out of reach|lost)")
+        browser(wait="document.querySelector('#troubles').innerText.includes('base')")
+        assert "compute" in browser(wait=rows)
+        base.heal()
+        run.says("base is back")
+        browser(wait="document.querySelector('#troubles').innerText === ''")
+        browser(wait=f"(({rows}).match(/compute/g) || []).length === 2")
+    monitor.signal(signal.SIGINT)
+    run.signal(signal.SIGINT)
     gone(site, "robot", "base")
 
 
