@@ -39,6 +39,7 @@ class Parser(argparse.ArgumentParser):
             if option.startswith("-"):
                 near = closest(option, [text for text in self.options() if text.startswith("--")])
                 return f"no option {option}; " + (f"did you mean {near}?" if near else f"see: {self.prog} --help")
+            return f"there is no place for `{found[1]}`; see: {self.prog} --help"
         if found := _EXCLUDED.fullmatch(message):
             return f"{found[1]} and {found[2]} exclude each other"
         if found := _MISSING.fullmatch(message):

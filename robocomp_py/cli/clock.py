@@ -130,5 +130,5 @@ def speed_of(text: str) -> float:
         return 0.0
     number = positive(text)
     if number > 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r} is more than 1000000; `max` is as fast as possible")
+        raise argparse.ArgumentTypeError(f"`{text}` is more than 1000000; `max` is as fast as possible")
     return number

@@ -63,7 +63,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def _port(text: str) -> int:
     if not text.isdecimal() or not int(text) < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port; write a number from 0 to 65535")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a port; write a number from 0 to 65535")
     return int(text)
 
 

@@ -62,13 +62,25 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_overrides(to)
 
 
+def _runs(path: Path) -> bool:
+    """Whether a network of this name runs here."""
+    from ..deploy.client import networks
+
+    return str(path) in networks()
+
+
 def run(options: argparse.Namespace) -> int:
     path, output = options.file, options.output
     kind, ending = path.suffix.lower(), output.suffix.lower() if output else ".svg"
     if options.live:
         return _live(options, ending)
     if kind not in (".ddsl", ".smdsl", ".scxml"):
-        return complain(f"rc graph: {path} is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml")
+        how = (
+            f"to draw the network that runs: rc graph {path} --live"
+            if _runs(path)
+            else "give it .ddsl, .smdsl or .scxml"
+        )
+        return complain(f"rc graph: {path} is neither the file of a network nor of a state machine; {how}")
     endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
     if ending not in endings:
         what = "a network" if kind == ".ddsl" else "a state machine"

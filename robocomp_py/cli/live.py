@@ -52,7 +52,7 @@ def positive(text: str) -> float:
     except ValueError:
         number = 0.0
     if not 0 < number < 1e9:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a positive number")
     return number
 
 
@@ -60,13 +60,13 @@ def port(text: str) -> int:
     """The number of a port; 0: any free one."""
     number = int(text) if text.isascii() and text.isdecimal() else -1
     if not 0 <= number < 65536:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; write a number up to 65535")
+        raise argparse.ArgumentTypeError(f"`{text}` is no port; write a number up to 65535")
     return number
 
 
 def count(text: str) -> int:
     if not text.isdecimal() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a positive whole number")
     return int(text)
 
 
@@ -270,13 +270,13 @@ def arguments_of(words: list[str]) -> Any:
     for word in words:
         path_, equals, text = word.partition("=")
         if not equals:
-            raise ValueError(f"{word!r} is neither FIELD=VALUE, nor a JSON object, nor @FILE")
+            raise ValueError(f"`{word}` is neither FIELD=VALUE, nor a JSON object, nor @FILE")
         *above, last = path_.split(".")
         inner = found
         for name in above:
             inner = inner.setdefault(name, {})
             if not isinstance(inner, dict):
-                raise ValueError(f"{word!r}: `{name}` has a value of its own")
+                raise ValueError(f"`{word}`: `{name}` has a value of its own")
         inner[last] = _value(text)
     return found
 

@@ -178,7 +178,7 @@ def _set(at: _At, options: argparse.Namespace) -> int:
     for each in options.values:
         name, equals, text = each.partition("=")
         if not equals or not name:
-            raise Absent(f"{each!r} is no NAME=VALUE")
+            raise Absent(f"`{each}` is no NAME=VALUE")
         texts[name] = text
     params.change(at.access, at.network, at.one, texts, at.deadline)
     if options.json:

@@ -93,7 +93,7 @@ def split(text: str) -> tuple[int | None, float | None]:
     """Octets or seconds after which a further file begins."""
     found = re.fullmatch(r"(\d+(?:\.\d+)?)(kB|MB|GB|s|min|h)", text)
     if not found or not float(found[1]):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a size nor a time; write it as 500MB, 1GB, 60s or 10min")
+        raise argparse.ArgumentTypeError(f"`{text}` is neither a size nor a time; write it as 500MB, 1GB, 60s or 10min")
     amount = float(found[1]) * _UNITS[found[2]]
     return (int(amount), None) if found[2].endswith("B") else (None, amount)
 

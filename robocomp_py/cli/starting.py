@@ -33,9 +33,9 @@ def library(root: Path) -> str:
 def unfit(name: str, root: Path) -> str:
     """Why no component of this name can be written into a folder; "" if it can."""
     if not _NAME.match(name):
-        return f"{name!r} is not a component name: letters, digits and single `_`, a letter first"
+        return f"`{name}` is not a component name: letters, digits and single `_`, a letter first"
     if keyword.iskeyword(name.lower()):
-        return f"{name.lower()!r} is a Python keyword; choose another name"
+        return f"`{name.lower()}` is a Python keyword; choose another name"
     wrong = library(root)
     if wrong:
         return f"{wrong}; choose another name, or another folder by -o DIR"

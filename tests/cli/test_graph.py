@@ -109,7 +109,10 @@ def test_without_what_makes_pixels_it_is_said_what_to_install(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["game.cdsl"], "game.cdsl is neither a network nor a state machine: give it .ddsl, .smdsl or .scxml"),
+        (
+            ["game.cdsl"],
+            "game.cdsl is neither the file of a network nor of a state machine; give it .ddsl, .smdsl or .scxml",
+        ),
         (["game.smdsl", "-o", "game.dot"], "game.dot: a state machine is drawn as .svg, .png; use one of these"),
         (["net.ddsl", "-o", "net.jpg"], "net.jpg: a network is drawn as .svg, .png, .dot, .mmd; use one of these"),
         (["game.smdsl", "-o", "nowhere/game.svg"], "nowhere/game.svg: No such file or directory"),

@@ -470,7 +470,7 @@ def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys:
         (["net.ddsl", "--for", "-1"], "--for: `-1` is not a number of seconds"),
         (["--set", "x", "net.ddsl"], "--set x: write it as INSTANCE.KEY=VALUE"),
         (["paln", "net.ddsl"], "no command `paln`; did you mean `plan`?"),
-        (["stop", "net"], "no command `stop`; did you mean `down`?"),
+        (["kill", "net"], "no command `kill`; did you mean `down`?"),
         (["ps"], "no command `ps`; did you mean `status`?"),
         (["net.ddsl", "--json"], "--json is for `rcdeploy plan`"),
         (["plan", "net.ddsl", "--for", "1"], "not for `rcdeploy plan`"),

@@ -230,7 +230,7 @@ def plan(*ways: dict[str, Any], hosts: dict[str, str] | None = None) -> dict[str
     return {
         "name": "house",
         "ways": list(ways),
-        "processes": [{"instances": [name], "host": (hosts or {}).get(name, "")} for name in instances],
+        "processes": [{"name": name, "instances": [name], "host": (hosts or {}).get(name, "")} for name in instances],
         "ours": {name: {"channels": name, "over": ["near 3"]} for name in instances},
     }
 
@@ -254,6 +254,14 @@ def test_a_declared_instance_that_is_not_there_is_found() -> None:
     )
     (alone,) = findings(facts(*THERE[:2], plans=(plan(),)), "plan")
     assert alone == "error eye is declared in house, and is not there: rcdeploy logs house eye"
+
+
+def test_an_instance_that_its_user_has_stopped_is_only_noted() -> None:
+    stopped = Launched("house", "eye", "ended", "was stopped by the user")
+    (alone,) = findings(facts(*THERE[:2], plans=(plan(),), launched=(stopped,)), "plan")
+    assert alone == (
+        "note eye is declared in house, and was stopped by the user: to start it again: rcdeploy start house eye"
+    )
 
 
 def test_what_cannot_be_seen_from_here_is_not_missed() -> None:

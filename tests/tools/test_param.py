@@ -54,7 +54,7 @@ def test_a_value_is_set_and_read(tuned: Any, capsys: pytest.CaptureFixture[str])
         ("max_speed=9", "rc param set: robot1/tuned: max_speed: `max_speed` is 9.0; allowed: float, 0.0 to 2.0"),
         ("device=there", "`device` is not dynamic"),
         ("max_sped=1", "did you mean `max_speed`"),
-        ("max_speed", "'max_speed' is no NAME=VALUE"),
+        ("max_speed", "`max_speed` is no NAME=VALUE"),
     ],
 )
 def test_a_wrong_change_is_refused_with_the_reason(

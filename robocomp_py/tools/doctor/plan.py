@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ..drift import Drift, Presence, Use, compare
 from ..network import TOOL
@@ -19,17 +20,29 @@ def find(facts: Facts) -> Iterator[Finding]:
         except ValueError as exc:
             yield Finding(Weight.WARN, str(exc), "start the network again, or give rc doctor its DDSL file")
         else:
-            yield from dict.fromkeys((*_missing(drift), *_unconnected(drift), *_undeclared(drift)))
+            ended = _ended(plan, facts)
+            yield from dict.fromkeys((*_missing(drift, ended), *_unconnected(drift), *_undeclared(drift)))
 
 
-def _missing(drift: Drift) -> Iterator[Finding]:
+def _ended(plan: Mapping[str, Any], facts: Facts) -> dict[str, str]:
+    """How those instances ended that have done their work, or that the user has stopped."""
+    how = {each.name: each.how for each in facts.launched if (each.network, each.state) == (plan["name"], "ended")}
+    runs_in = {str(name): str(each.get("name", "")) for each in plan["processes"] for name in each["instances"]}
+    return {name: how[process] for name, process in runs_in.items() if process in how}
+
+
+def _missing(drift: Drift, ended: Mapping[str, str]) -> Iterator[Finding]:
     for each in drift.instances:
-        if each.presence is Presence.MISSING:
-            uses = dict.fromkeys(_used(use) for use in drift.uses if use.client == each.name)
-            what = f"is declared to use {', '.join(uses)}, and" if uses else f"is declared in {drift.network}, and"
-            yield Finding(
-                Weight.ERROR, f"{each.name} {what} is not there", f"rcdeploy logs {drift.network} {each.name}"
-            )
+        if each.presence is not Presence.MISSING:
+            continue
+        uses = dict.fromkeys(_used(use) for use in drift.uses if use.client == each.name)
+        what = f"is declared to use {', '.join(uses)}, and" if uses else f"is declared in {drift.network}, and"
+        if each.name in ended:
+            text = f"{each.name} {what} {ended[each.name] or 'has ended'}"
+            yield Finding(Weight.NOTE, text, f"to start it again: rcdeploy start {drift.network} {each.name}")
+        else:
+            log = f"rcdeploy logs {drift.network} {each.name}"
+            yield Finding(Weight.ERROR, f"{each.name} {what} is not there", log)
 
 
 def _unconnected(drift: Drift) -> Iterator[Finding]:
