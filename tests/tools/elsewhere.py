@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -112,8 +112,10 @@ def apart(folder: Path, module: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def network(*hosts: str, folder: Path | None = None, **instances: str) -> Iterator[Network]:
-    """A network with these hosts, and the hosts of its instances.
+def network(
+    *hosts: str, folder: Path | None = None, command: Sequence[str] = (), **instances: str
+) -> Iterator[Network]:
+    """A network with these hosts, and the hosts of its instances, which were started by this command.
 
     Each host has what runs in this process, or else what has this run-time folder.
     """
@@ -124,7 +126,15 @@ def network(*hosts: str, folder: Path | None = None, **instances: str) -> Iterat
         "name": "home",
         "hosts": [{"name": host, "address": host} for host in hosts],
         "processes": [
-            {"name": name, "host": host, "instances": [name], "members": [], "component": name, "system": []}
+            {
+                "name": name,
+                "host": host,
+                "instances": [name],
+                "members": [],
+                "component": name,
+                "system": [],
+                "command": command,
+            }
             for name, host in instances.items()
         ],
         "ways": [],

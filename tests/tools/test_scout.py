@@ -189,6 +189,14 @@ def test_components_of_all_hosts_are_listed(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.usefixtures("own_runtime_folder", "calculator")
+def test_middlewares_are_opened_there_as_components_do(capsys: pytest.CaptureFixture[str]) -> None:
+    one = ("run", "one", "--set", "transports.dds.domain=7", "--set", "transports.shm.depth=3")
+    with elsewhere.network("base", command=(*one, "+", *one), sums="base") as network:
+        said(capsys, "list", "--middleware", "shm", "--host", "base")
+        assert json.loads(network.questions[0])["options"] == {"dds": {"domain": 7}}
+
+
+@pytest.mark.usefixtures("own_runtime_folder", "calculator")
 def test_the_exit_status_tells_that_a_host_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
     with elsewhere.network("base") as network:
         network.standing.scouts.clear()
