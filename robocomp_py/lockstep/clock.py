@@ -51,7 +51,7 @@ class Followed:
     """
 
     def __init__(self, is_free: Callable[[], bool]) -> None:
-        """`is_free` returns whether nobody moves the clock now: the component is starting, or ending."""
+        """`is_free` returns whether no leader moves the clock now: the component is starting, or ending."""
         self._is_free = is_free
         self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
         """Waits for an event like its `wait`, with a time limit in seconds, and may do other work in the meantime."""

@@ -67,7 +67,7 @@ class Counts:
         return CountedHandlers(self, port, worker)
 
     def drop(self, numbers: Sequence[int]) -> None:
-        """Nobody has to wait for these counters any more."""
+        """Stop waiting for these counters."""
         with self._lock:
             for number in numbers:
                 self.counters[number] = Counter(self.counters[number].way, [])

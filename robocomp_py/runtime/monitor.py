@@ -130,7 +130,7 @@ class Monitor:
         """How often a thread has left or was suspended."""
         self._at_end: list[Callable[[], object]] = []
         self.pending: dict[Pending, None] = {}
-        """Ended by `turn_away`. Whoever ends one takes it out before."""
+        """Ended by `turn_away`. The code that ends one removes it first."""
         self.tallies = Tallies()
         """What is counted of the messages of the component."""
         self._pool = self._threads.pool(name, MAX_SUSPENDED + 8, lambda: bool(self._queue), self._freed)

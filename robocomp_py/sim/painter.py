@@ -28,7 +28,7 @@ from ..errors import ConfigurationError
 from .drawing import Disturbance, Easel, Order
 
 _EVERY = 1000
-"""Milliseconds between two looks at who the parent is."""
+"""Milliseconds between two checks whether the parent is still there."""
 
 
 def main(memory: int) -> None:
