@@ -63,7 +63,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "--deadline", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for the answer (default: 5)"
     )
     to.add_argument(
-        "--repeat", type=count, metavar="COUNT", help="call it so often (default: once; with --rate until Ctrl-C)"
+        "--repeat", type=count, metavar="COUNT", help="number of calls (default: 1; with --rate until Ctrl-C)"
     )
     to.add_argument("--rate", type=positive, metavar="HZ", help="calls a second (default: one after the other)")
     add_yes(to)

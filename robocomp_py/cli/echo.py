@@ -56,7 +56,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--calls", action="store_true", help="print calls of queries and commands instead")
-    to.add_argument("--served", action="store_true", help="with --calls: let servers tell, instead of those that call")
+    to.add_argument("--served", action="store_true", help="with --calls: as servers report them, not clients")
     to.add_argument(
         "--field",
         action="append",

@@ -83,7 +83,11 @@ def add_middleware(to: argparse.ArgumentParser) -> None:
 
 def add_waiting(to: argparse.ArgumentParser) -> None:
     to.add_argument(
-        "--timeout", type=positive, default=5.0, metavar="SECONDS", help="how long to wait for it (default: 5)"
+        "--timeout",
+        type=positive,
+        default=5.0,
+        metavar="SECONDS",
+        help="how long to wait until it is there (default: 5)",
     )
 
 

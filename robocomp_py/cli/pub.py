@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..tools.network import Channel, Network
 
 NAME = "pub"
-HELP = "publish to those who subscribe to a topic"
+HELP = "publish messages to a topic"
 
 _EXAMPLES = f"""\
 examples:

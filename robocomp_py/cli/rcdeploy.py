@@ -84,6 +84,8 @@ def _without_command(given: Sequence[str]) -> int:
     if options.imported:
         return import_network(options.imported, options.output)
     meant = _ELSEWHERE.get(words[0], "") if words and not Path(words[0]).exists() else ""
+    if len(words) > 1 and words[1] in COMMANDS and words[0] not in COMMANDS:
+        made.error(f"the command comes first: rcdeploy {words[1]} {words[0]}")
     if len(words) == 2 or meant:
         proposal = did_you_mean(meant or words[0], COMMANDS) or f"there are: {', '.join(COMMANDS)}"
         made.error(f"no command `{words[0]}`; {proposal}")

@@ -69,7 +69,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="end after this time, counted from the first topic",
     )
     to.add_argument("--calls", action="store_true", help="also queries and commands, with their answers and durations")
-    to.add_argument("--served", action="store_true", help="with --calls: let servers tell, instead of those that call")
+    to.add_argument("--served", action="store_true", help="with --calls: as servers report them, not clients")
     to.add_argument("--logs", action="store_true", help="also what all components log")
     add_splitting(to)
     add_compress(to)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -105,7 +106,12 @@ def run(options: argparse.Namespace) -> int:
         kinds = ", ".join((*INTERFACES, "joint"))
         wrong = f"rc sim: {options.scene} has no device that can be provided: {kinds}"
         return complain(wrong + (f"; it has {missing}" if missing else ""))
+    if tree.problems:
+        told = f"{len(tree.problems)} warning{'s' * (len(tree.problems) > 1)} about {options.scene}"
+        print(f"{told}; to read: rc lint {options.scene}", file=sys.stderr)
     if options.action == "offers":
+        if missing:
+            print(f"not provided yet: {missing}", file=sys.stderr)
         _print_offers(ports or {name: (interfaces, 0) for name, interfaces in found.items()}, options)
         return FINE
     code = _new(options, found, [{"id": name, "fans": FANS, "field": FIELD} for name in dict.fromkeys(options.lidar)])

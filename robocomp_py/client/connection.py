@@ -108,5 +108,11 @@ def _nothing(network: str, lost: Mapping[str, str]) -> NotThere:
         ready = f"network `{network}` runs, and none of its components is ready: rcdeploy status {network}"
         return NotThere(ready + why)
     near = closest(network, running)
-    hint = f"did you mean `{near}`?" if near else f"there is {', '.join(running) or 'none'}"
+    hint = (
+        f"did you mean `{near}`?"
+        if near
+        else f"there is {', '.join(running)}"
+        if running
+        else "no network does; start it with rcdeploy"
+    )
     return NotThere(f"no network `{network}` runs on this host; {hint}")

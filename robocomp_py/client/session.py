@@ -114,10 +114,10 @@ class Session:
         found = find(self._known)
         return find(self.census()) if found is None else found
 
-    def missing(self, path: Sequence[str], name: str, children: Sequence[str]) -> NotThere:
-        """The error for a name that is not there."""
+    def missing(self, path: Sequence[str], name: str, children: Sequence[str], methods: Sequence[str]) -> NotThere:
+        """The error for a name that is not there. It may be meant as one of the methods, which `children` lack."""
         where = "/".join(path) or self.network or "what runs on this host"
-        near = closest(name, children)
+        near = closest(name, [*children, *methods])
         hint = f"did you mean `{near}`?" if near else f"there is {', '.join(children[:12]) or 'nothing'}"
         may = f"; {why}, and it may be there" if (why := "; ".join(self.lost.values())) else ""
         return NotThere(f"`{name}` is not in {where}; {hint}{may}")

@@ -27,6 +27,9 @@ class Branch:
     is called like a method of this object, or is no word in Python.
     """
 
+    _methods: tuple[str, ...] = ()
+    """What its class adds, which may be meant by a name that is not there."""
+
     def __init__(self, session: Session, path: tuple[str, ...]) -> None:
         self._session, self._path = session, path
 
@@ -90,12 +93,14 @@ class Branch:
 
         found = session.looked_up(find)
         if found is None:
-            raise session.missing(self._path, name, self._names())
+            raise session.missing(self._path, name, self._names(), self._methods)
         return found
 
 
 class Interface(Branch):
     """An interface of a component. If it has one topic, it can be used as that topic."""
+
+    _methods = ("latest", "listen", "publish", "plot")
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self._topic)

@@ -157,13 +157,11 @@ def _plainly(message: str, text: str, place: tuple[int, int] | None) -> str:
     """The message of tomllib; for a key that is set twice, one that names the key."""
     if message == "Cannot overwrite a value" and place:
         key = text.split("\n")[place[0] - 1].partition("=")[0].strip()
-        return f"`{key}` is set twice"
+        return f"`{key}` is set twice: keep one of them"
     twice = re.fullmatch(r"Cannot declare \((.*?),?\) twice", message)
-    return (
-        f"the table `{'.'.join(re.findall(chr(39) + r'(.*?)' + chr(39), twice[1]))}` is defined twice"
-        if twice
-        else message
-    )
+    if not twice:
+        return message
+    return f"the table `{'.'.join(re.findall(chr(39) + r'(.*?)' + chr(39), twice[1]))}` is defined twice: join them"
 
 
 def has_sections(text: str) -> bool:

@@ -238,7 +238,8 @@ class NamedInstances(Mapping[str, T]):
         short, add = self._port.interface.short, f"self.{self._port.attribute}.add"
         for name in self.missing:
             log.warning(
-                "the network declares that `%s` offers `%s : %s`, which it has not added: call %s(%r%s)",
+                "the network declares that `%s` offers `%s : %s`, which it has not added: "
+                "call %s(%r%s), or correct the network",
                 *(self._owner, name, short, add, name, "" if self._port.verb.has_proxy else ", ..."),
             )
 

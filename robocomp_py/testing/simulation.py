@@ -48,5 +48,5 @@ def network_parts(
     with installed.asked_once():
         plan = make_plan(Path(network), workspace, Overrides(settings=tuple(settings)))
     if plan is None:
-        raise DeploymentError("\n".join(map(str, workspace.report.diagnostics)))
+        raise DeploymentError("\n".join(each.render() for each in workspace.report.diagnostics))
     return parts(plan)

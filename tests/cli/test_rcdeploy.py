@@ -471,6 +471,7 @@ def test_what_is_wrong_with_a_plan_can_be_read_by_machines(folder: Path, capsys:
         (["--set", "x", "net.ddsl"], "--set x: write it as INSTANCE.KEY=VALUE"),
         (["paln", "net.ddsl"], "no command `paln`; did you mean `plan`?"),
         (["kill", "net"], "no command `kill`; did you mean `down`?"),
+        (["net.ddsl", "simulate", "--for", "1"], "the command comes first: rcdeploy simulate net.ddsl"),
         (["ps"], "no command `ps`; did you mean `status`?"),
         (["net.ddsl", "--json"], "--json is for `rcdeploy plan`"),
         (["plan", "net.ddsl", "--for", "1"], "not for `rcdeploy plan`"),

@@ -346,8 +346,8 @@ def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_pa
     [
         (["status", "--watch"], "--watch needs a network"),
         (["restart", "net.ddsl"], "INSTANCE is missing"),
-        (["stop", "net.ddsl"], "which INSTANCE? To stop the whole network: rcdeploy down net.ddsl"),
-        (["start", "net.ddsl"], "which INSTANCE? To start the network: rcdeploy net.ddsl"),
+        (["stop", "net.ddsl"], "which INSTANCE of `net.ddsl`? To stop the whole network: rcdeploy down net.ddsl"),
+        (["start", "net.ddsl"], "which INSTANCE of `net.ddsl`? To start the network: rcdeploy net.ddsl"),
         (["logs"], "NET.ddsl is missing"),
         (["logs", "net.ddsl", "-n", "many"], "`many` is not a number of lines from 0 to 10000"),
         (["down", "net.ddsl", "--grace", "long"], "`long` is not a number of seconds"),

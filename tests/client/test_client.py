@@ -188,6 +188,8 @@ def test_names_that_are_not_there_are_told(net: Any) -> None:
     assert str(raised.value) == "`talkr` is not in what runs on this host; did you mean `talker`?"
     with pytest.raises(AttributeError, match="`divde` is not in talker/Everything; did you mean `divide`"):
         net.talker.Everything.divde(1, 2)
+    with pytest.raises(AttributeError, match="`lates` is not in talker/Everything; did you mean `latest`"):
+        net.talker.Everything.lates()
     with pytest.raises(KeyError):
         net["talker/Nothing"]
     with pytest.raises(TypeError, match="talker is not a topic"):
@@ -383,7 +385,9 @@ class connect_later:
 def test_nothing_runs(own_runtime_folder: Path) -> None:
     with pytest.raises(NotThere, match="no component runs on this host"):
         connect(middleware="shm", timeout=0.1)
-    with pytest.raises(NotThere, match="no network `rescue` runs on this host; there is none"):
+    with pytest.raises(
+        NotThere, match="no network `rescue` runs on this host; no network does; start it with rcdeploy"
+    ):
         connect("rescue", timeout=0.1)
     with pytest.raises(ConfigurationError, match="inproc cannot tell what uses it"):
         connect(middleware="inproc")

@@ -125,7 +125,9 @@ KINDS = {
         "[[params.motors.gains]]\nkp = 101",
         column=6,
     ),
-    "a key that is set twice": Bad(8, "`max_torque` is set twice", "max_torque = 1\nmax_torque = 2", column=15),
+    "a key that is set twice": Bad(
+        8, "`max_torque` is set twice: keep one of them", "max_torque = 1\nmax_torque = 2", column=15
+    ),
     "a text without quotes": Bad(7, "invalid value", "max_torque = strong", column=14),
     "a table that does not exist": Bad(7, "unknown key `paramss`; did you mean `params`?", "[paramss]", column=2),
     "a period that is none": Bad(
@@ -171,7 +173,7 @@ def test_starting_the_component_reports_the_error(kind: str) -> None:
     assert component is not None
     with pytest.raises(ConfigurationError) as caught:
         settings.check(component.component, settings.read(written(bad), component.component.params))
-    column = f":{bad.column}" if bad.said.endswith(("is set twice", "invalid value")) else ""
+    column = f":{bad.column}" if bad.said.endswith(("keep one of them", "invalid value")) else ""
     assert str(caught.value).partition("\n    ")[0] == f"config.toml:{bad.line}{column}: {bad.said}"
 
 

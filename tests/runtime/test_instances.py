@@ -168,10 +168,10 @@ class TestOfAComponent(OverInproc):
             self.start(ending, sets=["offers.front.Teller={}", "offers.back.Teller={}", "offers.back.news={}"],
                        at_once=lambda house: house.teller.add("back", Teller()))  # fmt: skip
         told = [record.getMessage() for record in caplog.records if "declares" in record.getMessage()]
-        offers = "the network declares that `house` offers"
+        offers, lacks = "the network declares that `house` offers", "which it has not added"
         assert told == [
-            f"{offers} `front : Teller`, which it has not added: call self.teller.add('front', ...)",
-            f"{offers} `back : News`, which it has not added: call self.news.add('back')",
+            f"{offers} `front : Teller`, {lacks}: call self.teller.add('front', ...), or correct the network",
+            f"{offers} `back : News`, {lacks}: call self.news.add('back'), or correct the network",
         ]
 
     def test_the_launcher_is_told_how_named_instances_differ_from_the_declared_ones(

@@ -218,6 +218,22 @@ def test_offers_are_printed_with_the_ports_of_the_file(tmp_path: Path, capsys: p
     assert "room.xml:5:40: `front`: port 10004 is that of `base`, too" in capsys.readouterr().err
 
 
+def test_what_is_wrong_with_a_device_is_told_beside_the_offers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(
+        '<innerModel><imu id="imu"/><laser id="front" measures="five" angle="3.9" max="5000"/></innerModel>'
+    )
+    assert rc(["sim", "offers", str(path)]) == 0
+    told = capsys.readouterr()
+    assert told.out == "offers imu : IMU, IMUPub;\n"
+    assert told.err.splitlines() == [
+        f"2 warnings about {path}; to read: rc lint {path}",
+        "not provided yet: laser without `measures`: front",
+    ]
+
+
 def test_devices_that_are_not_provided_yet_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "room.xml"
     path.write_text(SCENE.replace('<laser id="off"/>', '<laser id="off"/><pointcloud id="cloud"/>'))

@@ -13,6 +13,7 @@ import pytest
 
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON
 from robocomp_py.testing.simulation import Simulation
 
@@ -179,6 +180,12 @@ def test_what_has_a_time_of_its_own_is_refused(folder: Path, capsys: Said) -> No
     assert "driver: `path` and `existing` are programs with a time of their own" in said
     assert "distant: a simulation runs in one process, so no component may have a `host`" in said
     assert "hello: a simulation is one process, so no component may have an `env` of its own" in said
+
+
+def test_a_network_that_is_wrong_is_told_as_on_the_command_line(folder: Path) -> None:
+    with pytest.raises(DeploymentError) as raised:
+        Simulation(folder / "net.ddsl", settings=[("askr", "component.period=0.5")])
+    assert "error[unknown-instance]: unknown instance `askr`; did you mean `asker`?" in str(raised.value)
 
 
 def test_a_test_of_a_network_needs_no_waiting(folder: Path) -> None:

@@ -39,7 +39,10 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     if not options.names:
-        print(f"rcdeploy start: which INSTANCE? To start the network: rcdeploy {options.network}", file=sys.stderr)
+        print(
+            f"rcdeploy start: which INSTANCE of `{options.network}`? To start the network: rcdeploy {options.network}",
+            file=sys.stderr,
+        )
         return USAGE
     return connected(options.network, lambda connection: _start(connection, options))
 

@@ -39,10 +39,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     if not options.names:
-        print(
-            f"rcdeploy stop: which INSTANCE? To stop the whole network: rcdeploy down {options.network}",
-            file=sys.stderr,
-        )
+        whole = f"To stop the whole network: rcdeploy down {options.network}"
+        print(f"rcdeploy stop: which INSTANCE of `{options.network}`? {whole}", file=sys.stderr)
         return USAGE
     return connected(options.network, lambda connection: _stop(connection, options))
 
