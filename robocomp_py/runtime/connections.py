@@ -118,6 +118,14 @@ class Connections:
         self._missing = deque(self._required)
         self._begun = time.monotonic()
 
+    @property
+    def awaited(self) -> str:
+        """The first required interface that nothing implements yet, and the peer that is meant; "" if all are there."""
+        if not self._missing:
+            return ""
+        port, _ = self._missing[0]
+        return f"{port.interface.short} ({self._settings.peer_of(port)})"
+
     def are_peers_there(self, patience: float = 0.0) -> bool:
         """Whether all required peers are visible, and visible publishers and subscribers connected.
 

@@ -175,6 +175,11 @@ class Running:
             due = min(due, max(now, beside)) if self.state in _ALIVE else due
         return due
 
+    @property
+    def awaited(self) -> str:
+        """See `Connections.awaited`."""
+        return self._connections.awaited
+
     def beat(self) -> bool:
         """Do one thing that is due, and return whether there was one.
 

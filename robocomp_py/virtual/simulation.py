@@ -243,7 +243,8 @@ class Simulated:
 
     def step(self) -> None:
         if not self._running.beat() and self._running.state is State.STARTING:
-            raise ComponentError(f"{self.instance} requires an interface that no component of the network implements")
+            wanted = self._running.awaited
+            raise ComponentError(f"{self.instance} requires {wanted}, which no component of the network implements")
         if self._running.is_over:
             self._running.end()
 
