@@ -579,7 +579,7 @@ def test_a_new_component_is_not_called_like_a_library(inside: Path, capsys: Said
 
 def test_a_new_component_is_not_called_by_a_word_of_python(inside: Path, capsys: Said) -> None:
     assert rcgen(["--new", "Class"]) == 1
-    assert capsys.readouterr().err == "rcgen: 'class' is a Python keyword; choose another name\n"
+    assert capsys.readouterr().err == "rcgen: `class` is a Python keyword; choose another name\n"
     assert snapshot(inside) == {}
 
 

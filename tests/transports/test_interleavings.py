@@ -44,7 +44,7 @@ def test_zeromq_a_publisher_that_was_paused_is_heard_even_if_there_was_room_agai
             heard.put(unblob(here, payload))
 
         inlet: Any = here.inlet(topic("a/b/c", RELIABLE), sink)
-        mute = here.mute
+        mute = here.reactor.mute
 
         def mute_late(subscription: Subscription) -> None:
             """Until then, the sink has handled everything."""
@@ -55,7 +55,7 @@ def test_zeromq_a_publisher_that_was_paused_is_heard_even_if_there_was_room_agai
                 inlet._drain()  # as the thread does that ran the sink, if it has not yet
             mute(subscription)
 
-        monkeypatch.setattr(here, "mute", mute_late)
+        monkeypatch.setattr(here.reactor, "mute", mute_late)
         outlet = here.outlet(topic("a/b/c", RELIABLE))
         assert wait_connected(outlet, SOON)
         words = [b"in the sink", b"waits", b"not read yet"]

@@ -166,7 +166,7 @@ def test_a_recording_is_shown_with_its_times(tmp_path: Path) -> None:
         (("a.mcap", "b.mcap"), 2, "one recording at a time is shown"),
         (("a.mcap", "--network", "rescue"), 2, "--network is for what runs, and a recording does not"),
         (("--network", "nowhere"), 1, "network `nowhere` is not running on this machine"),
-        (("--port", "70000"), 2, "'70000' is not a port; write a number from 0 to 65535"),
+        (("--port", "70000"), 2, "`70000` is not a port; write a number from 0 to 65535"),
     ],
 )
 def test_what_is_wrong_is_told(
