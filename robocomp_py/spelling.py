@@ -9,14 +9,16 @@ from collections.abc import Iterable
 def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     """The known name closest to `name`, or "" if none is close. `prefix` is ignored in the comparison.
 
-    Case counts only between names that differ in nothing else.
+    A name that is the beginning of a single known one means that. Case counts only between names that differ in nothing
+    else.
     """
     spellings: dict[str, list[str]] = {}
     for each in known:
         spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)
     meant = name.removeprefix(prefix).lower()
     likeness = _SHORT_LIKENESS if len(meant) <= _SHORT else _LIKENESS
-    close = difflib.get_close_matches(meant, spellings, 1, cutoff=likeness)
+    begun = [each for each in spellings if each.startswith(meant)] if len(meant) >= _SHORT else []
+    close = begun if len(begun) == 1 else difflib.get_close_matches(meant, spellings, 1, cutoff=likeness)
     return difflib.get_close_matches(name, spellings[close[0]], 1, cutoff=0)[0] if close else ""
 
 
