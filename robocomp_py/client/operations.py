@@ -98,7 +98,8 @@ class Described:
         known = {each.name: each.name for each in fields} | {each.attribute: each.name for each in fields}
         for key, value in named.items():
             if key not in known:
-                raise TypeError(f"{name}: {unknown('argument', key, [each.name for each in fields])}; {takes}")
+                names = [*(each.name for each in fields), "deadline"]
+                raise TypeError(f"{name}: {unknown('argument', key, names)}; {takes}")
             if known[key] in given:
                 raise TypeError(f"{name}: `{key}` is given twice")
             given[known[key]] = value
