@@ -69,6 +69,8 @@ FLOAT32, FLOAT64 = Primitive.FLOAT32, Primitive.FLOAT64
 INTEGERS = frozenset(kind for kind in Primitive if kind.python is int and kind.in_arrays)
 FLOATS = frozenset(kind for kind in Primitive if kind.python is float)
 FLOAT32_MAX = (2 - 2**-23) * 2.0**127
+FLOAT32_LIMIT = 2.0**128 - 2.0**103
+"""Smaller values are rounded to a float32, at most to FLOAT32_MAX; others would become infinite."""
 
 
 @cache

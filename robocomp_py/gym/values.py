@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 from ..client.values import fitted
 from ..contract import types
 from ..contract.interface import Operation
-from ..contract.types import BOOL, FLOAT32, FLOAT32_MAX, FLOATS, INTEGERS, Enumeration, Primitive, Struct, Type, dtypes
+from ..contract.types import (
+    BOOL,
+    FLOAT32,
+    FLOAT32_LIMIT,
+    FLOAT32_MAX,
+    FLOATS,
+    INTEGERS,
+    Enumeration,
+    Primitive,
+    Struct,
+    Type,
+    dtypes,
+)
 from ..errors import EncodeError
 from ..fieldpath import Wide
 from ..spelling import unknown
@@ -106,7 +118,7 @@ def _chosen(kind: Type | None, given: Any, taken: Taken) -> Any:
 
 def _sent(kind: Type | None, number: float) -> float:
     """A number as it arrives: calls without messages get the same as those with them."""
-    return float(np.float32(number)) if kind is FLOAT32 and abs(number) <= FLOAT32_MAX else number
+    return float(np.float32(number)) if kind is FLOAT32 and abs(number) < FLOAT32_LIMIT else number
 
 
 class Observation:

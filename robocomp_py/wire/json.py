@@ -24,7 +24,7 @@ import numpy as np
 from ..contract.types import (
     BOOL,
     FLOAT32,
-    FLOAT32_MAX,
+    FLOAT32_LIMIT,
     FLOATS,
     STRING,
     UINT8,
@@ -148,8 +148,7 @@ def _primitive_taken(kind: Primitive, given: Any, what: str) -> Any:
         if isinstance(given, str) and given in _NOT_FINITE:
             return _NOT_FINITE[given]
         if isinstance(given, int | float) and not isinstance(given, bool):
-            most = FLOAT32_MAX if kind is FLOAT32 else FLOAT64_MAX
-            if -most <= given <= most:
+            if abs(given) < FLOAT32_LIMIT if kind is FLOAT32 else abs(given) <= FLOAT64_MAX:
                 return float(given)
             raise Unfit(f"{what}: {given} is out of range; it takes {_word(kind)}")
     elif isinstance(given, int) and not isinstance(given, bool):

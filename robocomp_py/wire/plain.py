@@ -19,6 +19,7 @@ import numpy as np
 from ..contract.types import (
     BOOL,
     FLOAT32,
+    FLOAT32_LIMIT,
     FLOATS,
     STRING,
     Dictionary,
@@ -48,10 +49,6 @@ class Entries(list[Any]):
 
     def items(self) -> Iterator[tuple[Any, Any]]:
         return zip(self[::2], self[1::2], strict=True)
-
-
-_FLOAT32_LIMIT = 2.0**128 - 2.0**103
-"""Smaller values are rounded to a float32; others would become infinite."""
 
 
 def compile_planter(message: Struct, array: PackArray) -> Callable[[tuple[Any, ...], Frames], list[Any]]:
@@ -188,7 +185,7 @@ class Scalars:
             case Primitive() if kind is STRING:
                 return f"({x} if type({x}) is str else {wrong}('a string', {x}))"
             case Primitive() if kind is FLOAT32:
-                small = f"{-_FLOAT32_LIMIT!r} < {x} < {_FLOAT32_LIMIT!r}"
+                small = f"{-FLOAT32_LIMIT!r} < {x} < {FLOAT32_LIMIT!r}"
                 return f"({x} if type({x}) is float and {small} else {p.name(_float32)}({x}))"
             case Primitive() if kind in FLOATS:
                 return f"({x} if type({x}) is float else {p.name(_number)}({x}))"

@@ -12,7 +12,7 @@ from hypothesis import given
 
 from robocomp_py.contract import told
 from robocomp_py.contract.interface import Operation
-from robocomp_py.contract.types import FLOAT32, Struct
+from robocomp_py.contract.types import FLOAT32, FLOAT32_MAX, Field, Struct
 from robocomp_py.testing import everything as e
 from robocomp_py.wire import json
 from robocomp_py.wire.cdr import Cdr
@@ -37,6 +37,14 @@ def test_what_is_shown_can_be_read_again(case: tuple[Struct, tuple[Any, ...]]) -
 def _has_nan(text: str) -> bool:
     """Two NaN may differ in their bits."""
     return '"NaN"' in text
+
+
+@pytest.mark.parametrize("number", [FLOAT32_MAX, -FLOAT32_MAX])
+def test_the_largest_float32_is_read_as_it_is_shown(number: float) -> None:
+    fields = (Field("x", FLOAT32),)
+    shown = json.shown(fields, (number,))
+    assert plain.dumps(shown) in ('{"x": 3.4028235e+38}', '{"x": -3.4028235e+38}')
+    assert np.float32(json.taken(fields, shown, "do")[0]) == number
 
 
 FIELDS = told.operation(e.EVERYTHING.operations[0].text).inputs

@@ -6,7 +6,7 @@ import re
 import sys
 from typing import Any
 
-from ...contract.types import FLOAT32_MAX, Primitive, integer_range
+from ...contract.types import FLOAT32_LIMIT, Primitive, integer_range
 from ..numbers import real, whole
 from . import model as m
 
@@ -41,7 +41,7 @@ def _float(kind: Primitive, text: str) -> float:
     if not re.fullmatch(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?[fF]?", text):
         raise ValueError(f"`{text}` is not a number")
     value = real(text)
-    if abs(value) > (FLOAT32_MAX if kind is Primitive.FLOAT32 else FLOAT64_MAX):
+    if abs(value) >= FLOAT32_LIMIT if kind is Primitive.FLOAT32 else abs(value) > FLOAT64_MAX:
         raise ValueError(f"{text} exceeds {kind}")
     return value
 
