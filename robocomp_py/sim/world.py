@@ -87,12 +87,9 @@ class World(Motion, Touching):
         self._noise = noise
         self._shown = {name: pixels for name, pixels in before._shown.items() if name in self._displays}
         self._inertias = {name: before._inertias.get(name, Inertia()) for name in self._imus}
-        grippers = self._scene.grippers
-        held = {name: body for name, body in before._held.items() if name in grippers and body in grippers[name].welds}
-        self._held = held
-        self._held = {}
+        grippers, self._held = self._scene.grippers, {}
         for name, body in before._held.items():
-            if name in self._scene.grippers and body in self._scene.grippers[name].welds:
+            if name in grippers and body in grippers[name].welds:
                 self._attach(name, body)
         drives = {name: self._resting(name) for name in self._scene.bases}
         self._set_drives({name: before._drives.get(name, new) for name, new in drives.items()})
