@@ -9,15 +9,15 @@ from collections.abc import Iterable
 def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     """The known name closest to `name`, or "" if none is close. `prefix` is ignored in the comparison.
 
-    A name that is the beginning of a single known one means that. Case counts only between names that differ in nothing
-    else.
+    A name with which a single known one begins means that, if less than half of it is missing. Case counts only between
+    names that differ in nothing else.
     """
     spellings: dict[str, list[str]] = {}
     for each in known:
         spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)
     meant = name.removeprefix(prefix).lower()
     likeness = _SHORT_LIKENESS if len(meant) <= _SHORT else _LIKENESS
-    begun = [each for each in spellings if each.startswith(meant)] if len(meant) >= _SHORT else []
+    begun = [each for each in spellings if each.startswith(meant) and len(each) < 2 * len(meant)]
     close = begun if len(begun) == 1 else difflib.get_close_matches(meant, spellings, 1, cutoff=likeness)
     return difflib.get_close_matches(name, spellings[close[0]], 1, cutoff=0)[0] if close else ""
 

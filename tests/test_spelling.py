@@ -10,6 +10,7 @@ from robocomp_py.spelling import closest
     [
         ("stauts", ["start", "status"], "status"),
         ("stat", ["start", "status"], "status"),
+        ("Laser", ["LaserPubTopic"], ""),
         ("laser", ["Laser", "LaserPub"], "Laser"),
         ("fly", ["walk", "swim"], ""),
     ],
