@@ -91,7 +91,8 @@ class Site:
 
     def beginning(self, *arguments: object) -> Rcdeploy:
         """Let `rc` run on."""
-        self.runs.append(Rcdeploy(self._environment, self.folder, *map(str, arguments), command="rc"))
+        words = ("-m", "robocomp_py.cli.rc", *map(str, arguments))
+        self.runs.append(Rcdeploy(self._environment, self.folder, *words))
         return self.runs[-1]
 
     def run(self, *arguments: object) -> Rcdeploy:
