@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import ModuleType
 
 from .parties import Party
 
@@ -17,15 +18,27 @@ def raw(middleware: str) -> Party | None:
     """The bare library under one of our transports, if there is one; imported only if used."""
     match middleware:
         case "zeromq":
-            from . import raw_zeromq as bare
+            from . import raw_zeromq
+
+            return _bare(raw_zeromq)
         case "dds":
-            from . import raw_dds as bare  # type: ignore[no-redef]  # they look alike
+            from . import raw_dds
+
+            return _bare(raw_dds)
         case "zenoh":
-            from . import raw_zenoh as bare  # type: ignore[no-redef]
+            from . import raw_zenoh
+
+            return _bare(raw_zenoh)
         case "shm":
-            from . import raw_shm as bare  # type: ignore[no-redef]
+            from . import raw_shm
+
+            return _bare(raw_shm)
         case "ice":
-            from . import raw_ice as bare  # type: ignore[no-redef]
-        case _:
-            return None
-    return Party(bare.Far, bare.Near, bare.encode, bare.decode)
+            from . import raw_ice
+
+            return _bare(raw_ice)
+    return None
+
+
+def _bare(module: ModuleType) -> Party:
+    return Party(module.Far, module.Near, module.encode, module.decode)

@@ -43,7 +43,7 @@ def connect(
             if time.monotonic() > end:
                 raise _nothing(network, session.lost)
             time.sleep(_LOOK)
-    except BaseException:
+    except BaseException:  # Ctrl-C, too: no scout stays
         session.close()
         raise
     return Connection(session)

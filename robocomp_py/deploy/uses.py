@@ -296,7 +296,7 @@ def read_qos(node: Node, report: Report) -> None:
 
 
 def _port_of(node: Node, quality: Quality, report: Report) -> Port | None:
-    """The port that a `qos` clause names. If there is none, or more than one, reports that and returns None."""
+    """The port that a `qos` clause names. Reports a name that fits no port, or several, and returns None."""
     verbs = [Verb(quality.verb.text)] if quality.verb else [Verb.PUBLISHES, Verb.SUBSCRIBES]
     there = [port for port in node.component.ports if port.verb in verbs]
     named = [port for port in there if port.label == quality.port.text]

@@ -123,7 +123,7 @@ class Easel:
 def chosen(wanted: str, egl: Callable[[], bool], osmesa: Callable[[], bool]) -> str:
     """The library that provides OpenGL, by the name that MuJoCo has for it: `egl` or `osmesa`.
 
-    `wanted` is the value of MUJOCO_GL. Raises ConfigurationError if there is none.
+    `wanted` is the value of MUJOCO_GL. Raises ConfigurationError if neither library is installed.
     """
     if wanted.lower() in (_EGL, _OSMESA):
         return wanted.lower()

@@ -97,8 +97,8 @@ class Renderer:
             depths = np.empty((order.height, order.width), np.float32)
         try:
             self._artist.draw(order, colours, depths)
-        except BaseException:
-            self.close()  # what it has drawn so far, and of which textures, is not known
+        except BaseException:  # Ctrl-C, too: what it has drawn so far, and of which textures, is not known
+            self.close()
             raise
         return Picture(colours, depths)
 

@@ -315,7 +315,7 @@ class State:
 
 
 def existing(kind: str, name: str, among: Mapping[str, T]) -> T:
-    """The one of that name. Raises InnerModelError if there is none."""
+    """What has this name. Raises InnerModelError for an unknown name."""
     try:
         return among[name]
     except KeyError:

@@ -133,7 +133,7 @@ def test_parameters_of_a_component_are_found_with_what_they_are(tuned: object) -
     assert completed("rc param set tuned verbose=") == ["true", "false"]
     assert completed("rc param set tuned verbose=true max") == ["max_speed="]
     assert completed("rc param get tuned max", "fish") == ["max_speed\t0.5; float, 0.0 to 2.0"]
-    assert completed("rc param get nobody ") == completed("rc param get ed ") == []
+    assert completed("rc param get absent ") == completed("rc param get ed ") == []
 
 
 @pytest.fixture

@@ -131,7 +131,7 @@ def test_without_opengl_the_process_says_what_to_install(
 
 
 _DRAW = """
-import sys, time
+import signal, sys
 from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.remote import Remote
 from robocomp_py.sim.render import Renderer
@@ -139,7 +139,7 @@ from robocomp_py.sim.world import World
 renderer = Renderer(Remote())
 renderer.picture(World(Tree.read(sys.argv[1])).view(), "eye")
 print("drawn", flush=True)
-time.sleep(600)
+signal.pause()
 """
 
 
