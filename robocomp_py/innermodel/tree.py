@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple, Self
@@ -95,8 +95,12 @@ class Tree:
         self._nodes: dict[str, _Node] = {ROOT_ID: self._root}
         self._change = 0
         self._matrices: dict[tuple[str, str], tuple[float, ...]] = {}
-        self._tags: tuple[int, Mapping[str, str]] | None = None
-        """The number of the change at which they were looked for, and the tags."""
+        self._tags: Mapping[str, str] | None = None
+        """None: not yet looked for."""
+        self._state = self._origin = object()
+        """Trees with the same `_state` are the same. `_origin` is the state that the tree had when it was made."""
+        self._touched: set[str] = set()
+        """The ids of all nodes that may differ from those of the origin."""
         self._model: Model | None = None
         self._prefixes: Mapping[str, Path] = {}
         self.problems: tuple[Problem, ...] = ()
@@ -135,14 +139,14 @@ class Tree:
     def tags(self) -> Mapping[str, str]:
         """The tags of all nodes by their ids, parents first."""
         with self._lock:
-            if self._tags is None or self._tags[0] != self._change:
+            if self._tags is None:
                 found, waiting = dict[str, str](), [self._root]
                 while waiting:
                     node = waiting.pop()
                     found[node.id] = node.tag.name
                     waiting += reversed(node.children)
-                self._tags = self._change, MappingProxyType(found)
-            return self._tags[1]
+                self._tags = MappingProxyType(found)
+            return self._tags
 
     def __contains__(self, name: object) -> bool:
         return name in self._nodes
@@ -181,18 +185,9 @@ class Tree:
         """The ids of nodes that only one of the trees has, or that are not the same in both: in tag, parent, value,
         or position of a joint. Children of a node that differs may be the same."""
         with self._lock, other._lock:
-            others = other._nodes
-            found = self._nodes.keys() ^ others.keys()
-            for name, one in self._nodes.items():
-                two = others.get(name, one)
-                if (
-                    (one.values is not two.values and one.values != two.values)
-                    or one.tag is not two.tag
-                    or (one.position, one.is_set) != (two.position, two.is_set)
-                    or (one.parent and one.parent.id) != (two.parent and two.parent.id)
-                ):
-                    found.add(name)
-            return found
+            nodes, others = self._nodes, other._nodes
+            names = other._touched if other._origin is self._state else nodes.keys() | others.keys()
+            return {name for name in names if _differ(nodes.get(name), others.get(name))}
 
     # Where things are.
 
@@ -385,9 +380,7 @@ class Tree:
             if not name.strip() or not name.isprintable():
                 raise InnerModelError(f"{name!r} is no id")
             node = _Node(kind, {key: each.default for key, each in kind.attributes.items()} | {"id": name})
-            node.parent = above
-            self._nodes[name] = node
-            above.children.append(node)
+            self._insert(node, above)
             try:
                 self._update(name, values)
             except InnerModelError:
@@ -400,9 +393,11 @@ class Tree:
             node = self._movable(name)
             assert node.parent is not None
             node.parent.children.remove(node)
-            for each in _every(node):
-                del self._nodes[each.id]
-            self._changed()
+            removed = [each.id for each in _every(node)]
+            for each in removed:
+                del self._nodes[each]
+            self._tags = None
+            self._changed(removed)
 
     def move(self, name: str, parent: str) -> None:
         """Put a node below another parent. It keeps its pose within its parent."""
@@ -416,6 +411,7 @@ class Tree:
             node.parent.children.remove(node)
             above.children.append(node)
             node.parent = above
+            self._tags = None
             self._moved(node)
 
     def copy(self) -> Tree:
@@ -424,6 +420,7 @@ class Tree:
             made = Tree(drops_offsets=self._drops_offsets)
             made._model, made.problems, made._prefixes = self._model, self.problems, self._prefixes
             made._change = self._change  # so that poses which are computed stay so
+            made._tags, made._state, made._origin = self._tags, self._state, self._state
             for child in self._root.children:
                 made._copy(child, made._root)
             return made
@@ -488,6 +485,7 @@ class Tree:
         node.parent = parent
         parent.children.append(node)
         self._nodes[node.id] = node
+        self._tags = None
         self._moved(node)
 
     def _written(self, node: _Node) -> Written:
@@ -533,12 +531,28 @@ class Tree:
 
     def _moved(self, node: _Node) -> None:
         node.local = _local(node, self._drops_offsets)
-        self._changed()
+        self._changed((node.id,))
         node.stamp = self._change
 
-    def _changed(self) -> None:
+    def _changed(self, names: Iterable[str]) -> None:
         self._change += 1
+        self._state = object()
+        self._touched.update(names)
+        if len(self._touched) > len(self._nodes):  # they may be those of nodes that are long gone
+            self._origin, self._touched = object(), set()
         self._matrices = {}  # a new one: a thread may just be reading the old one
+
+
+def _differ(one: _Node | None, other: _Node | None) -> bool:
+    """Whether two nodes of the same id are not the same; None: a tree does not have it."""
+    if one is None or other is None:
+        return one is not other
+    return (
+        (one.values is not other.values and one.values != other.values)
+        or one.tag is not other.tag
+        or (one.position, one.is_set) != (other.position, other.is_set)
+        or (one.parent and one.parent.id) != (other.parent and other.parent.id)
+    )
 
 
 def _local(node: _Node, drops_offsets: bool) -> Array:

@@ -71,6 +71,8 @@ class Base:
     is_omni: bool
     collides: bool
     noise: float
+    bodies: NDArray[np.bool_]
+    """Which bodies are part of it, shape (number of bodies,)."""
     shapes: NDArray[np.bool_]
     """Which geoms are part of it, shape (number of geoms,)."""
     servo: int
@@ -125,6 +127,8 @@ class Scene:
     """The numbers of the textures of displays, in a model to be drawn."""
     made_by: Building = field(repr=False)
     """From what `rebuilt` goes on."""
+    changed: Set[str] | None = None
+    """The nodes that the scene before it had not, or had otherwise or elsewhere; None: `build` made it."""
 
     @property
     def movable(self) -> list[str]:
@@ -408,11 +412,11 @@ def _shapes_of(
 ) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
     """The nodes of the geoms, and which of them stop bases. Of a scene before it, the unchanged nodes are known."""
     begin = int(model.name_geomadr[0]) if model.ngeom else 0
-    names = model.names[begin:].decode().split("\0", model.ngeom)[: model.ngeom]
-    shapes = tuple([name[len(_PREFIX) :] for name in names])
+    names = ("\0" + model.names[begin:].decode()).replace("\0" + _PREFIX, "\0")
+    shapes = tuple(names.split("\0", model.ngeom + 1)[1 : model.ngeom + 1])
     known = dict(zip(before.shapes, before.stops.tolist(), strict=True)) if before else {}
-    for name in (changed & {*shapes}) if before else shapes:
-        known[name] = bool(tree.node(name).values["collide"])
+    for name in [each for each in changed if each in tree] if before else shapes:
+        known[name] = bool(tree.node(name).values.get("collide"))
     return shapes, np.array([known[name] for name in shapes], dtype=bool)
 
 
@@ -456,12 +460,12 @@ def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> S
             return None
     for each in ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited", "actuator_forcerange"):
         getattr(model, each)[:] = getattr(scene.model, each)  # what they move has not changed
-    bases = {name: replace(each, shapes=_shapes(model, _PREFIX + name)) for name, each in scene.bases.items()}
-    held = _grippers(building, model)
-    return Scene(model, frames, bases, scene.joints, scene.start, shapes, stops, tree, held, {}, {}, building)
+    bases = {name: replace(each, shapes=each.bodies[model.geom_bodyid]) for name, each in scene.bases.items()}
+    held, changed = _grippers(building, model), changed | moved.keys()
+    return Scene(model, frames, bases, scene.joints, scene.start, shapes, stops, tree, held, {}, {}, building, changed)
 
 
-def _standing(before: Building, tree: Tree, changed: set[str]) -> list[str] | None:
+def _standing(before: Building, tree: Tree, changed: set[str]) -> dict[str, None] | None:
     """The nodes that have changed, with all below them; None if one of them moves, or needs more than a new box."""
     has_friction = any("friction" in values for values in before.parameters.values())
     for name in changed:
@@ -483,7 +487,7 @@ def _standing(before: Building, tree: Tree, changed: set[str]) -> list[str] | No
             return None
         moved[name] = None
         waiting += node.children
-    return list(moved)
+    return moved
 
 
 def _is_plain(before: Building, node: Node, *, is_new: bool = True) -> bool:
@@ -511,7 +515,10 @@ def _gripper(building: Building, model: mujoco.MjModel, name: str, reach: float)
             below.add(each)
     shapes = [number for number in range(model.ngeom) if model.geom(number).name.removeprefix(_PREFIX) in below]
     body, _ = building.frames[name]
-    free = {each: np.flatnonzero(_shapes(model, other)).tolist() for each, other in _free(building, body).items()}
+    free = {
+        each: np.flatnonzero(_bodies(model, other)[model.geom_bodyid]).tolist()
+        for each, other in _free(building, body).items()
+    }
     return grippers.made(model, _PREFIX + name, reach, shapes, free)
 
 
@@ -539,22 +546,22 @@ def _base(model: mujoco.MjModel, node: Node) -> Base:
     x, z, turn = (int(model.joint(f"{_PREFIX}{node.id}.{each}").qposadr[0]) for each in ("x", "z", "turn"))
     noise, collides = _number(node.values["noise"]), bool(node.values["collide"])
     servo = model.actuator(servos.of_base(_PREFIX + node.id)).id
-    shapes = _shapes(model, _PREFIX + node.id)
-    return Base(node.id, x, z, turn, node.tag == "omnirobot", collides, noise, shapes, servo, _is_tilted(node))
+    bodies = _bodies(model, _PREFIX + node.id)
+    shapes, is_omni = bodies[model.geom_bodyid], node.tag == "omnirobot"
+    return Base(node.id, x, z, turn, is_omni, collides, noise, bodies, shapes, servo, _is_tilted(node))
 
 
 def _is_tilted(base: Node) -> bool:
     return _three(base, "r")[0] != 0.0
 
 
-def _shapes(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
-    """Which geoms a body has, and the bodies below it. Bodies are numbered parents first."""
+def _bodies(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
+    """A body and all below it, shape (number of bodies,). Bodies are numbered parents first."""
     belongs = np.zeros(model.nbody, dtype=bool)
     belongs[model.body(name).id] = True
     for body in range(1, model.nbody):
         belongs[body] |= belongs[model.body_parentid[body]]
-    found: NDArray[np.bool_] = belongs[model.geom_bodyid]
-    return found
+    return belongs
 
 
 def _joint(model: mujoco.MjModel, node: Node) -> Joint:

@@ -27,7 +27,7 @@ from .devices.lidar import Lidar, is_lidar
 from .devices.touch import Touch
 from .edits import fingerprint
 from .joints import Motor
-from .looks import cameras, lens_of
+from .looks import CAMERAS, cameras, lens_of
 from .parameters import Parameters
 from .speeds import update_speeds
 
@@ -39,6 +39,8 @@ HOLD = 1.0
 
 FARTHEST = 1e9
 """mm or rad, also a second: a base does not go on beyond this, 1000 km."""
+
+_DEVICES = {"laser", "display", "imu", "touchsensor", *CAMERAS}
 
 T = TypeVar("T")
 
@@ -110,10 +112,28 @@ class State:
 
     def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
         """Make the model of the tree, from the scene before it if that is enough, and the devices in it."""
-        tree, lasers = self._tree, self._lasers
+        tree = self._tree
         made = rebuilt(before, tree, parameters) if before else None
         self._scene: Scene = made or build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
-        tags = tree.tags
+        if not before or self._has_other_devices(before.tree):
+            self._find_devices(parameters, before)
+        self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
+        self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
+        """By base: the vector of positions when `_depths` were computed last, and what they were."""
+        self._touches = {name: Touch(tree, name, self._scene) for name in self._touching}
+        if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
+            self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+
+    def _has_other_devices(self, before: Tree) -> bool:
+        """Whether a device, or what moves, may not be what it was in the tree before."""
+        tree, changed = self._tree, self._scene.changed
+        if changed is None:
+            return True
+        return any((tree if name in tree else before).node(name).tag in _DEVICES for name in changed)
+
+    def _find_devices(self, parameters: Parameters, before: Scene | None) -> None:
+        """Make the devices of the tree, and note what moves. Lasers that are what they were in `before` are kept."""
+        tree, tags, lasers = self._tree, self._tree.tags, self._lasers
         self._lasers = {
             name: lasers[name] if before and self._is_kept(name, before) else Laser(node, self._scene.frames[name])
             for name, tag in tags.items()
@@ -132,16 +152,11 @@ class State:
             np.array([frame.position for frame in frames]),
         )
         """Of those: the body, and the pose within it."""
-        self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
-        self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
-        """By base: the vector of positions when `_depths` were computed last, and what they were."""
-        self._free = np.flatnonzero(self._scene.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        self._free = np.flatnonzero(self._scene.model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
         self._lenses = {name: lens_of(tree.node(name)) for name in cameras(tree)}
         self._displays = dict.fromkeys(name for name, tag in tags.items() if tag == "display")
         self._imus = {name: self._scene.frames[name] for name, tag in tags.items() if tag == "imu"}
-        self._touches = {name: Touch(tree, name, self._scene) for name, tag in tags.items() if tag == "touchsensor"}
-        if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
-            self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+        self._touching = [name for name, tag in tags.items() if tag == "touchsensor"]
 
     def _is_kept(self, name: str, before: Scene) -> bool:
         """Whether a node is where it was in the scene before, and what it was."""

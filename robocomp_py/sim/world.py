@@ -91,11 +91,12 @@ class World(Motion, Touching):
         for name, body in before._held.items():
             if name in grippers and body in grippers[name].welds:
                 self._attach(name, body)
-        drives = {name: self._resting(name) for name in self._scene.bases}
-        self._set_drives({name: before._drives.get(name, new) for name, new in drives.items()})
-        motors = {name: Motor(self.position(name)) for name in self._scene.joints}
-        kept = {name for name, joint in self._scene.joints.items() if _slides(before, name) == joint.slides}
-        self._set_motors({name: before._motors[name] if name in kept else new for name, new in motors.items()})
+        self._set_drives({name: before._drives.get(name) or self._resting(name) for name in self._scene.bases})
+        joints, old = self._scene.joints, before._scene.joints
+        kept = {name for name, joint in joints.items() if name in old and old[name].slides == joint.slides}
+        self._set_motors(
+            {name: before._motors[name] if name in kept else Motor(self.position(name)) for name in joints}
+        )
 
     def _set_pose(self, name: str, pose: Array) -> None:
         """Put a base, or a free body, where a pose within its parent says, at rest."""
@@ -412,12 +413,6 @@ class World(Motion, Touching):
         found = existing("node", node, self._scene.frames)
         self._update_speeds()
         return truth(self._scene.model, self._data, found)
-
-
-def _slides(world: World, joint: str) -> bool | None:
-    """Whether a joint slides; None for a node that is not a joint."""
-    found = world._scene.joints.get(joint)
-    return found.slides if found else None
 
 
 def _near(what: str, *numbers: float) -> tuple[float, ...]:

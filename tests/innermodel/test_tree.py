@@ -190,6 +190,37 @@ def test_a_copy_does_not_move_with_its_original(tree: Tree) -> None:
     assert copied.ids == tree.ids
 
 
+CHANGES: dict[str, Callable[[Tree], object]] = {
+    "nothing": lambda tree: None,
+    "a value": lambda tree: tree.set_value("base", "tx", 5.0),
+    "a value and back": lambda tree: (
+        tree.set_value("base", "tx", 5.0),
+        tree.set_value("base", "tx", 1000.0),
+    ),
+    "a joint": lambda tree: tree.update_joint("elbow", 0.3),
+    "a parent": lambda tree: tree.move("hand", "world"),
+    "a new node": lambda tree: tree.add("hand", "imu", "imu"),
+    "a node that is gone": lambda tree: tree.remove("hand"),
+    "a node that was gone": lambda tree: (tree.add("hand", "imu", "imu"), tree.remove("imu")),
+    "another tag": lambda tree: (tree.remove("hand"), tree.add("elbow", "rgbd", "hand")),
+    "many nodes": lambda tree: [(tree.add("world", "imu", f"{n}"), tree.remove(f"{n}")) for n in range(99)],
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_copy_differs_in_what_was_changed_as_a_tree_that_was_read_again_does(name: str, tmp_path: Path) -> None:
+    (tmp_path / "house.xml").write_text(HOUSE)
+    tree, again = Tree.read(tmp_path / "house.xml"), Tree.read(tmp_path / "house.xml")
+    copied, ids = tree.copy(), tree.ids
+    for each in (copied, again):
+        CHANGES[name](each)
+    assert tree.differences(copied) == tree.differences(again) == again.differences(tree)
+    assert copied.differences(again) == set()
+    assert copied.copy().differences(copied) == set()
+    assert copied.ids == again.ids
+    assert tree.ids == ids
+
+
 def test_nodes_are_added_moved_and_removed(tree: Tree) -> None:
     tree.add("hand", "mesh", "cup", file="cup.obj", ty=10.0)
     assert close(tree.translation("hand", "cup"), (0, 10, 0))

@@ -157,6 +157,31 @@ def test_after_many_edits_a_world_is_as_if_it_had_begun_like_that(hall: Tree) ->
     assert world.odometry("base").z == pytest.approx(50, abs=5)
 
 
+def test_devices_that_stand_still_come_move_and_go(hall: Tree) -> None:
+    world = World(hall)
+    for edit in (STILL["add"], with_devices, STILL["move"], STILL["remove"]):
+        world.change(changed(world.tree, edit))
+        anew = World(world.tree)
+        for kind in ("lasers", "lidars", "cameras", "displays", "imus", "touch_sensors", "movable"):
+            assert getattr(world, kind) == getattr(anew, kind)
+        for laser in {*world.lasers} - {"still"}:  # that one is as low as the edge of a shape
+            assert world.scan(laser) == pytest.approx(anew.scan(laser), abs=1e-6)
+        for sensor in world.touch_sensors:
+            assert world.touch(sensor) == anew.touch(sensor)
+    world.change(changed(world.tree, lambda tree: tree.remove("sensors")))
+    assert world.lasers == ["eye", "still"]
+    assert not [*world.cameras, *world.displays, *world.imus, *world.touch_sensors]
+
+
+def with_devices(tree: Tree) -> None:
+    tree.add("shelf", "transform", "sensors", ty=900.0)
+    tree.add("sensors", "laser", "new_laser", measures=3, angle=1.0, max=9000.0)
+    tree.add("sensors", "rgbd", "new_rgbd", width=8, height=6, focal=5.0)
+    tree.add("sensors", "imu", "new_imu")
+    tree.add("sensors", "display", "new_display", size=(100.0,))
+    tree.add("sensors", "touchsensor", "new_bumper", type="bumper")
+
+
 def test_a_copy_that_is_edited_leaves_the_world_as_it_was(hall: Tree) -> None:
     world = World(hall)
     before, saved = world.scan("eye").tolist(), world.save()
