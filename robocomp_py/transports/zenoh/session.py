@@ -33,6 +33,7 @@ from ...wire.codec import MAX_BYTES
 from ..directory import LONGEST_SOCKET
 from ..exclusive import Claim, holder, try_claim
 from ..runtime_folder import runtime_dir
+from .hearing import Hearing
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -202,6 +203,7 @@ class Network:
         """Whether we are connected, and whether a lost connection was logged."""
         try:
             self.session = self._open()
+            self._hearing = None if self.is_router else Hearing(self.session, self.endpoint, do)
         except BaseException:
             self._close_router()
             raise
@@ -218,6 +220,8 @@ class Network:
 
     def tick(self) -> None:
         """Run the router if no process does any more; log if the present router does not answer."""
+        if self._hearing:
+            self._hearing.tick()
         self._connected = self.is_router or bool(self.session.info.routers_zid())
         if self._connected:
             if self._logged:
