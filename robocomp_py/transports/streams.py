@@ -77,7 +77,8 @@ class Connection:
         connected.setblocking(False)
         if connected.family in _TCP:
             connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.socket, self._sending = connected, threading.Lock()
+        self.socket, self._sending, self._room = connected, threading.Lock(), select.poll()
+        self._room.register(connected, select.POLLOUT)
         self._buffer, self._filled = bytearray(_FRAME.size), 0
         self._frame: tuple[int, int] | None = None
         """Of the message that is being received: its number, and the length of its header."""
@@ -138,15 +139,10 @@ class Connection:
                     begun = True
                 except BlockingIOError:
                     limit = STALLED if begun else min(STALLED, end - time.monotonic())
-                    if not self._has_room(limit):
+                    if limit <= 0 or not self._room.poll(limit * 1000):
                         if begun:
                             self.shut()  # nothing that follows half a message would be understood
                         raise TimeoutError from None
-
-    def _has_room(self, seconds: float) -> bool:
-        poll = select.poll()
-        poll.register(self.socket.fileno(), select.POLLOUT)
-        return seconds > 0 and bool(poll.poll(seconds * 1000))
 
     def _expect(self, number: int) -> None:
         self._buffer, self._filled = bytearray(number), 0
