@@ -89,6 +89,11 @@ def run(options: argparse.Namespace) -> int:
     from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers
     from ..spelling import unknown
 
+    if not options.scene.exists():
+        from ..dsl.nearby import nearby
+
+        hint = nearby(options.scene, str(options.scene))
+        return complain(f"rc sim: {options.scene}: there is no such file{f'; {hint}' if hint else ''}")
     tree = Tree()
     try:
         tree = Tree.read(options.scene)

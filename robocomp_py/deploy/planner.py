@@ -24,8 +24,9 @@ from ..dsl.ddsl.model import Deployment, Instance
 from ..dsl.ddsl.order import process_dependences, processes_of
 from ..dsl.ddsl.programs import environment_of
 from ..dsl.diagnostics import Diagnostic, Report, did_you_mean, mistyped
+from ..dsl.nearby import nearby
 from ..dsl.source import Name, Source
-from ..dsl.workspace import LinkedComponent, Workspace, nearby
+from ..dsl.workspace import LinkedComponent, Workspace
 from ..errors import ConfigurationError
 from ..runtime import settings
 from ..runtime.document import Document, NotToml

@@ -207,7 +207,7 @@ class _Wirer:
             return " or ".join(f"{port.verb} {port.label} from {each.name};" for each in offers)
         meant = wiring.instance.text
         able = [each for each in self._able(port) if meant == each.name or meant in self._named_of(each)]
-        return _offers_to_add(port, able, meant)
+        return self._offers_to_add(port, able, meant)
 
     def _able(self, port: Port) -> list[Node]:
         """The instances whose components can provide what a port uses under names that the network declares."""
@@ -239,10 +239,27 @@ class _Wirer:
     def _instance_to_add(self, port: Port) -> str:
         """How to get an instance that offers what a port uses; "" if no imported component can."""
         if able := self._able(port):
-            return _offers_to_add(port, able)
+            return self._offers_to_add(port, able)
         others = [each for each in self.imported if each.name != self.node.component.name]
         offering = [each.name for each in others if any(_offers(one) == _uses(port) for one in each.ports)]
         return f"write {' or '.join(f'`Component {name} {{ }};`' for name in offering)}" if offering else ""
+
+    def _offers_to_add(self, port: Port, able: Sequence[Node], meant: str = "") -> str:
+        """Which `offers` clause is missing, for these instances. `meant` is the name that the network uses, if it does.
+
+        Without such a name, it is the clause that has the topics of the same device, or its calls; or else a new one.
+        """
+        said, short = [], port.interface.short
+        device = short.removesuffix("Pub")
+        for node in able:
+            clauses = {each.local: [*map(str, each.interfaces)] for each in node.instance.offers}
+            local = meant.rpartition("/")[2]
+            likely = (name for name, interfaces in clauses.items() if {device, f"{device}Pub"} & {*interfaces})
+            usual = device.lower() if clauses and device.lower() not in self.named else "front"
+            name = local if meant and meant != node.name else next(likely, usual)
+            interfaces = ", ".join([*clauses.get(name, ()), short])
+            said.append(f"write in the block of `{node.name}`: offers {name} : {interfaces};")
+        return " or ".join(said)
 
     def _check_match(self, port: Port, other: Node, theirs: Port, at: Name) -> None:
         offered = {operation.name: operation for operation in theirs.interface.contracts(theirs.verb)}
@@ -261,18 +278,6 @@ class _Wirer:
 
     def _error(self, code: str, message: str, at: Name, hint: str = "", *related: tuple[str, Name]) -> None:
         self.report.error(code, message, at.span, hint, *((text, name.span) for text, name in related))
-
-
-def _offers_to_add(port: Port, able: Sequence[Node], meant: str = "") -> str:
-    """Which `offers` clause is missing, for these instances. `meant` is the name that the network uses, if it does."""
-    said = []
-    for node in able:
-        clauses = {each.local: [*map(str, each.interfaces)] for each in node.instance.offers}
-        local = meant.rpartition("/")[2]
-        name = local if meant and meant != node.name else next(iter(clauses), "front")
-        interfaces = ", ".join([*clauses.get(name, ()), port.interface.short])
-        said.append(f"write in the block of `{node.name}`: offers {name} : {interfaces};")
-    return " or ".join(said)
 
 
 def _offers(port: Port) -> tuple[Verb, str]:

@@ -72,8 +72,9 @@ class State:
         A base stops `hold` seconds after it was last told a speed; 0: never. About `parameters` see
         `sim.parameters`. With `compat="robocomp"`, the acceleration of inertial units has the sign that it has in
         RoboComp: -9.81 upwards at rest. Raises InnerModelError for a mesh or a sensor that cannot be used, and for
-        wrong parameters.
+        wrong parameters, and TypeError for what is no tree.
         """
+        check_tree(tree)
         if not tick > 0.0 or not hold >= 0.0:
             raise ValueError(f"a tick of {tick} s, and a hold of {hold} s")
         if compat not in ("", "robocomp"):
@@ -327,6 +328,12 @@ class State:
     def _drive(self, base: str) -> Drive:
         existing("base", base, self._scene.bases)
         return self._drives[base]
+
+
+def check_tree(given: object) -> None:
+    """Raise TypeError for what is no tree, such as the name of a file."""
+    if not isinstance(given, Tree):
+        raise TypeError(f"{given!r} is no Tree: `Tree.read` of robocomp_py.innermodel.tree reads the file of a scene")
 
 
 def existing(kind: str, name: str, among: Mapping[str, T]) -> T:

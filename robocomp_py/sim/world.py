@@ -36,7 +36,7 @@ from .motion import TOUCH, Motion
 from .noise import normal
 from .render import View
 from .speeds import Truth, truth
-from .state import FARTHEST, existing
+from .state import FARTHEST, check_tree, existing
 from .touching import Touching
 
 
@@ -55,6 +55,7 @@ class World(Motion, Touching):
         InnerModelError for what cannot be used, and Overlap if a base that stops would be inside of what stops it;
         then nothing has changed.
         """
+        check_tree(tree)
         overlaps = self._overlaps()
         before = object.__new__(World)  # with the same data: the edited world gets others
         before.__dict__.update(self.__dict__)

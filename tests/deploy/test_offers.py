@@ -29,10 +29,16 @@ Component sensor { Communications { implements Laser; publishes LaserPub; }; lan
 """
 
 
+ROBOT = """
+import "Laser.idsl"; import "LaserPub.idsl"; import "Speech.idsl";
+Component robot { Communications { implements Laser each, Speech each; publishes LaserPub each; }; language python; };
+"""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("offers")
-    for name, text in (("ring", RING), ("user", USER), ("sensor", SENSOR)):
+    for name, text in (("ring", RING), ("user", USER), ("sensor", SENSOR), ("robot", ROBOT)):
         (root / name).mkdir()
         (root / name / f"{name}.cdsl").write_text(text)
         assert rcgen([str(root / name / f"{name}.cdsl")]) == 0
@@ -41,7 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def plan(folder: Path, body: str, overrides: Overrides | None = None) -> tuple[Plan | None, list[Diagnostic]]:
     path = folder / "net.ddsl"
-    imports = "".join(f'import "{name}/{name}.cdsl";\n' for name in ("ring", "user", "sensor"))
+    imports = "".join(f'import "{name}/{name}.cdsl";\n' for name in ("ring", "user", "sensor", "robot"))
     path.write_text(f"{imports}Deployment net {{\n{body}\n}};\n")
     workspace = Workspace()
     return make_plan(path, workspace, overrides), workspace.report.diagnostics
@@ -56,7 +62,7 @@ def planned(folder: Path, body: str, overrides: Overrides | None = None) -> Plan
 def told(folder: Path, body: str) -> list[str]:
     """All that is said of a network: line, code, message and hint."""
     _, diagnostics = plan(folder, body)
-    lines = [each.span.source.position(each.span.start)[0] - 4 for each in diagnostics]
+    lines = [each.span.source.position(each.span.start)[0] - 5 for each in diagnostics]
     return [f"{line}: {each.code}: {each.message} ({each.hint})" for line, each in zip(lines, diagnostics, strict=True)]
 
 
@@ -230,9 +236,25 @@ def test_where_only_the_offers_clause_is_missing_that_clause_is_proposed(folder:
     assert f"{line} {hint}" in told(folder, body)
 
 
+@pytest.mark.parametrize(
+    ("clauses", "proposed"),
+    [
+        ("offers mouth : Speech;", "offers laser : Laser;"),
+        ("offers mouth : Speech; offers top : LaserPub;", "offers top : LaserPub, Laser;"),
+        ("offers laser : Speech;", "offers front : Laser;"),
+    ],
+)
+def test_a_missing_clause_is_not_proposed_as_a_part_of_that_of_another_device(
+    folder: Path, clauses: str, proposed: str
+) -> None:
+    body = f"Component robot {{ {clauses} }};\nComponent user {{ }};"
+    line = "2: no-provider: `user` requires `Laser`, which no component implements"
+    assert f"{line} (write in the block of `robot`: {proposed})" in told(folder, body)
+
+
 def test_without_an_instance_that_could_offer_it_a_component_is_proposed(folder: Path) -> None:
     (line, *_) = told(folder, "Component user { };")
-    assert line.endswith("(write `Component ring { };` or `Component sensor { };`)")
+    assert line.endswith("(write `Component ring { };` or `Component sensor { };` or `Component robot { };`)")
 
 
 def test_several_named_instances_need_a_choice(folder: Path) -> None:

@@ -165,6 +165,8 @@ NOT_FIXABLE = {
     "foreign-root",
     "missing-id",
     "missing-include",
+    "missing-mesh",
+    "missing-texture",
     "no-children",
     "read-otherwise",
     "repeated-id",

@@ -302,3 +302,12 @@ def test_a_component_that_cannot_be_is_refused(
 def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["sim", "offers", str(tmp_path / "none.xml")]) == 1
     assert "there is no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["new", "offers"])
+def test_a_misspelt_scene_is_told_with_a_similar_one(
+    action: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "room.xml").touch()
+    assert rc(["sim", action, str(tmp_path / "roo.xml")]) == 1
+    assert f"roo.xml: there is no such file; did you mean `{tmp_path / 'room.xml'}`?" in capsys.readouterr().err

@@ -52,6 +52,14 @@ def room(tmp_path: Path) -> World:
 # Sensors.
 
 
+def test_the_name_of_a_file_is_no_scene(room: World) -> None:
+    with pytest.raises(TypeError, match=r"'room.xml' is no Tree: `Tree.read`"):
+        World("room.xml")  # type: ignore[arg-type]  # that is what is wrong
+    with pytest.raises(TypeError, match=r"'room.xml' is no Tree"):
+        room.change("room.xml")  # type: ignore[arg-type]  # the same
+    assert room.scan("laser").shape == (8,)
+
+
 def test_a_laser_measures_the_walls_from_the_right_to_the_left(room: World) -> None:
     """Only the wall on the right is 2 m away: a mirrored world shows here."""
     diagonal = math.sqrt(2)

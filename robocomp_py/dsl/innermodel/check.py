@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...innermodel.read import Document, Place, Problem, ReadFile, read
+from ...innermodel.read import Document, Element, Place, Problem, ReadFile, found_file, read
 from ..diagnostics import Diagnostic, Report, Severity
+from ..nearby import nearby
 from ..source import Source, Span
 
 ENDING = ".xml"
@@ -48,6 +50,25 @@ def check(path: Path, reading: ReadFile, report: Report) -> None:
     model = read(path, reading=reading)
     sources = {each.path: _Places(each) for each in model.documents}
     report.extend(_diagnostic(each, sources) for each in model.problems)
+    for element, attribute in _lost_files(model.elements):
+        written, document = element.written[attribute], element.document
+        span = sources[document.path].span(document.place(*element.spans[attribute]))
+        hint, message = nearby(document.path.parent / str(written), str(written)), f"there is no file `{written}`"
+        if attribute == "texture":
+            report.warning("missing-texture", f"{message}; the plane is grey", span, hint)
+        else:
+            report.warning("missing-mesh", f"{message}; a component that simulates the scene needs it", span, hint)
+
+
+def _lost_files(elements: Sequence[Element]) -> Iterator[tuple[Element, str]]:
+    """The elements that name a file which is not there, each with the attribute that names it."""
+    for element in elements:
+        for attribute in ("file", "texture"):
+            written = str(element.written.get(attribute, ""))
+            is_used = bool(written) and not written.startswith("#") and element.tag.name != "display"
+            if is_used and attribute in element.spans and not found_file(written, element.document.path.parent, {}):
+                yield element, attribute
+        yield from _lost_files(element.children)
 
 
 class _Places:
