@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import errno
+import fcntl
 import gc
 import itertools
 import mmap
@@ -16,6 +17,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +57,8 @@ from robocomp_py.transports.shm.transport import ShmTransport
 from robocomp_py.transports.shm.wakeup import NEWS, NUDGE, QUEUED, WAKEUPS, Waker, Wakeup
 
 LARGE = 1_000_000
+MANY = 16
+"""Transports that open or close at once."""
 NAME = "shm/Conformance/op"
 RELIABLE = QoS(Reliability.RELIABLE, depth=4)
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
@@ -602,6 +606,48 @@ def test_closing_after_the_folder_was_removed_keeps_the_links_in_the_new_one(
         here.close()
         there.close()
         assert segments() == set()
+
+
+def test_many_nodes_open_and_close_at_once_without_waiting_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = segments(), files()
+    first = opened()
+    monkeypatch.setattr(node, "_PATIENCE", 0.0)  # whatever waits for the lock fails
+    with ThreadPoolExecutor(MANY) as threads:
+        together = threading.Barrier(MANY)
+
+        def open_and_close(number: int) -> bool:
+            together.wait(SOON)
+            transport = opened(f"component {number}")
+            together.wait(SOON)
+            transport.close()
+            return transport.closed
+
+        assert all(threads.map(open_and_close, range(MANY)))
+    first.close()
+    assert (segments(), files()) == before
+
+
+def test_the_last_of_many_nodes_that_close_at_once_leaves_nothing() -> None:
+    before = segments(), files()
+    transports = [opened() for _ in range(MANY)]
+    together = threading.Barrier(MANY)
+    with ThreadPoolExecutor(MANY) as threads:
+        list(threads.map(lambda transport: (together.wait(SOON), transport.close()), transports))
+    assert (segments(), files()) == before
+
+
+def test_opening_waits_while_another_node_removes_what_was_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    lock = runtime_dir() / "shm" / "nodes.lock"
+    lock.parent.mkdir(exist_ok=True)
+    with lock.open("w") as held, ThreadPoolExecutor(1) as thread:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with monkeypatch.context() as hurried:
+            hurried.setattr(node, "_PATIENCE", 0.0)
+            with pytest.raises(TransportError, match=r"nodes\.lock is locked, for 0 s"):
+                opened()
+        opening = thread.submit(opened)
+        fcntl.flock(held, fcntl.LOCK_UN)
+        opening.result(SOON).close()
 
 
 def test_an_array_that_outlives_its_transport_does_not_notice_that_the_next_one_cleans_up() -> None:

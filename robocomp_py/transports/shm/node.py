@@ -86,33 +86,37 @@ class Node:
             )
         check_room(OPENING)
         self._lock = _Lock(folder / "nodes.lock")
-        with self._lock.taken():
+        with contextlib.ExitStack() as undo:
+            undo.callback(self._lock.release)
+            alone = self._lock.take()
             known = self._known_secret()
             self._use(known or secrets.token_hex(8))
-            if self._clear() or not known:
+            if (alone and self._clear()) or not known:
                 self._use(self._new_secret())
             builder = iceoryx2.NodeBuilder.new().config(self._config)
             builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)  # Python handles signals
             self.heap, self.heaps = Heap(self._prefix, number), Heaps(self._prefix)
+            undo.callback(self.heap.close)
             try:
                 with as_transport_error("opening a node"):
                     self._node: Any = builder.create(iceoryx2.ServiceType.Ipc)
                 for shared in self._common():
                     shared.chmod(0o600)
             except (TransportError, OSError) as exc:
-                self.heap.close()
                 raise TransportError(f"{exc}{self._in_the_way()}") from exc
+            self._lock.share()
+            undo.pop_all()
 
     def close(self) -> None:
         """Leave. Idempotent. Samples in use (by an array, for example) are released when they are no longer used."""
         self.heap.close()
         self.heaps.close()
-        if not self._root.exists():  # the folder was removed
-            self._node = None
-            return
-        with self._lock.taken():
-            self._node = None
-            self._clear()
+        self._node = None
+        try:
+            if self._root.exists() and self._lock.is_last():  # otherwise the folder was removed, or others will clear
+                self._clear()
+        finally:
+            self._lock.release()
 
     def _use(self, secret: str) -> None:
         self._own_secret, self._prefix = secret, f"{self._family}{secret}_"
@@ -149,7 +153,7 @@ class Node:
     def _clear(self) -> bool:
         """If no node is alive, remove what has no owner, and what iceoryx2 does not find of killed processes.
 
-        Returns whether no node was alive. The caller holds the lock, so no other node can open meanwhile.
+        Returns whether no node was alive. The caller holds the lock alone, so no other node can open meanwhile.
         """
         if self._known_secret() not in ("", self._own_secret):
             return False  # the folder was removed, and other processes are in a new one: we would not find them
@@ -250,27 +254,53 @@ def _writer(service: Any, slots: int) -> Any:
 
 
 class _Lock:
-    """Held by a process that enters or leaves, since the last one to leave removes what has no owner."""
+    """Open nodes share it. A node that holds it alone may remove what has no owner.
+
+    So nodes open and close beside each other, and only the first one to open and the last one to close make others
+    wait. If a process opens or closes nodes while another holds the lock alone, it waits for that one.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path, self._held = path, -1
 
-    @contextlib.contextmanager
-    def taken(self) -> Iterator[None]:
+    def take(self) -> bool:
+        """Take it, alone if no other node is open; returns whether it is held alone. Raises TransportError."""
+        end = time.monotonic() + _PATIENCE
+        while not (alone := self._try(fcntl.LOCK_EX)) and not self._try(fcntl.LOCK_SH):
+            self._pause(end)
+        return alone
+
+    def share(self) -> None:
+        """Let other nodes take it, too. Raises TransportError."""
+        end = time.monotonic() + _PATIENCE
+        while not self._try(
+            fcntl.LOCK_SH
+        ):  # another node has taken it while the kernel changed it from one to the other
+            self._pause(end)
+
+    def is_last(self) -> bool:
+        """Give it up, or hold it alone if no other node has it; returns whether it is held alone."""
+        return self._try(fcntl.LOCK_EX)
+
+    def release(self) -> None:
+        """Give it back. Idempotent."""
+        held, self._held = self._held, -1
+        if held >= 0:
+            fcntl.flock(held, fcntl.LOCK_UN)  # a forked child may have the descriptor, too
+            os.close(held)
+
+    def _try(self, how: int) -> bool:
         try:
-            held = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+            if self._held < 0:
+                self._held = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+            fcntl.flock(self._held, how | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
         except OSError as exc:
             raise TransportError(f"shm: {self._path}: {exc.strerror}{hindrance(self._path)}") from exc
-        try:
-            end = time.monotonic() + _PATIENCE
-            while True:
-                try:
-                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except BlockingIOError:
-                    if time.monotonic() >= end:
-                        raise TransportError(f"shm: {self._path} is locked, for {_PATIENCE:g} s") from None
-                    time.sleep(0.001)
-            yield
-        finally:
-            os.close(held)
+        return True
+
+    def _pause(self, end: float) -> None:
+        if time.monotonic() >= end:
+            raise TransportError(f"shm: {self._path} is locked, for {_PATIENCE:g} s")
+        time.sleep(0.001)
