@@ -260,6 +260,8 @@ class BaseLink(SupportsConnected, Generic[T, P]):
         """Seconds until the next look for a peer; it grows over all waits until a peer is found."""
         self._reporting = threading.Lock()
         self._reported: set[Hashable] = set()
+        self._strangers: set[Hashable] = set()
+        """Peers with another contract that have sent a message."""
         self._sparing = Sparing()
 
     # What adapters fill in.
@@ -389,6 +391,22 @@ class BaseLink(SupportsConnected, Generic[T, P]):
     def definition_of(self, key: Hashable) -> str:
         """The contract of a peer that does not announce it; "" if it is not known. May wait for a reply of the peer."""
         return ""
+
+    def meet_stranger(self, key: Hashable, fingerprint: int) -> None:
+        """Have another thread report, once for each key, a peer with another contract that has sent a message.
+
+        A message may arrive before its sender is visible, and only then is the contract of the sender known.
+        """
+        if key not in self._strangers and len(self._strangers) < STRANGERS:
+            self._strangers.add(key)
+            self.transport.do(partial(self._report_stranger, key, fingerprint))
+
+    def _report_stranger(self, key: Hashable, fingerprint: int) -> None:
+        if self.closed.is_set():
+            return
+        self.counterparts()  # reports those that are visible, with their contracts
+        if all(peer.fingerprint != fingerprint for peer in self.faced()):
+            self.report_mismatch(key, fingerprint)
 
     def report_mismatch(self, key: Hashable, fingerprint: int, text: str = "") -> None:
         """Count and log, once for each key, that a peer has another contract."""

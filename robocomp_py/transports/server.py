@@ -81,11 +81,6 @@ class ServingLink(DirectoryLink[ServingTransport], ABC):
         found = self.transport.directory.find(self.facing, self.channel.name)
         return next((member.owner for member, entry in found if entry.traits.endswith(mark)), "")
 
-    def refuse_stranger(self, request: Request) -> None:
-        found = self.transport.find(self.facing, self.channel.name)
-        texts = (each.text for each in found if each.fingerprint == request.fingerprint)
-        self.report_mismatch(request.fingerprint, request.fingerprint, next(texts, ""))
-
     def release(self) -> None:
         with contextlib.ExitStack() as everything:
             if self._claim:
@@ -105,7 +100,7 @@ def dispatch(
     if link is None:
         return None if request.flags & Flag.ONEWAY else partial(answer, Reply(Status.REFUSED))
     if request.fingerprint != link.channel.type.fingerprint:
-        link.refuse_stranger(request)
+        link.meet_stranger(request.client, request.fingerprint)
         return partial(answer, Reply(Status.MISMATCH, link.channel.type.text.encode()))
     limited = request.remaining_ms != NO_DEADLINE
     return link.take(request, payload, arrived + request.remaining_ms / 1000 if limited else math.inf, answer)

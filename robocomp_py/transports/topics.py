@@ -90,7 +90,7 @@ class SubscribingLink(DirectoryLink[T], SupportsSources):
         """What to put into the lane for a message; None if its contract differs or it was received before."""
         _, fingerprint, source, sequence, stamp = header
         if fingerprint != self._fingerprint:
-            self.report_mismatch(source, fingerprint)
+            self.meet_stranger(source, fingerprint)
             return None
         if not self._ledger.admit(source, sequence):
             return None

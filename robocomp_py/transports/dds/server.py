@@ -146,7 +146,7 @@ class ServerLink(Link):
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
                 request = Request._make(fields)
-                self.report_mismatch((client, fingerprint), fingerprint, self._text_of(fingerprint))
+                self.meet_stranger((client, fingerprint), fingerprint)
                 self.refuse(request)
                 return None
             payload = sample if message.plain else message.payload(sample)
@@ -173,10 +173,6 @@ class ServerLink(Link):
         """The instance that opened a client; "" if it is not ours."""
         found = self.transport.find(self.facing, self.channel.name)
         return next((each.owner for each in found if each.id == client), "")
-
-    def _text_of(self, fingerprint: int) -> str:
-        found = self.transport.find(self.facing, self.channel.name)
-        return next((each.text for each in found if each.fingerprint == fingerprint), "")
 
 
 class CommandInlet(ServerLink):

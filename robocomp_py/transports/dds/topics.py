@@ -515,7 +515,7 @@ class Subscriber(Link, SupportsSources):
             if start != START:
                 raise unreadable(sample)
             if fingerprint != self._fingerprint:
-                self.report_mismatch((source, fingerprint), fingerprint)
+                self.meet_stranger((source, fingerprint), fingerprint)
                 return None
             payload = sample if self._message.plain else self._message.payload(sample)
         except (DecodeError, struct.error) as exc:

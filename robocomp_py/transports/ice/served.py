@@ -106,7 +106,7 @@ class ServedObject:
         if request is None:
             return link.accept(invocation.payload, math.inf, invocation.reply)
         if request.fingerprint != link.channel.type.fingerprint:
-            link.refuse_stranger(request)
+            link.meet_stranger(request.client, request.fingerprint)
             invocation.reply(Reply(Status.MISMATCH, link.channel.type.text.encode()))
             return None
         remaining = math.inf if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000

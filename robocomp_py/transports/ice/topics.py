@@ -25,7 +25,7 @@ from ..base import Channel, Sink, depth_of
 from ..credit import Credit
 from ..directory_transport import DirectoryLink
 from ..leader_followers import Job, Lane
-from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS, STRANGERS
+from ..limits import BYTES_AHEAD, MOST_AHEAD, PARTS
 from ..reception import HISTORY_TRIES, Reception
 from ..topics import SubscribingLink
 from . import library
@@ -229,8 +229,6 @@ class Subscriber(SubscribingLink["IceCore"]):
         """The last sequence number of each publisher whose history was delivered."""
         self._looked = False
         """Whether the earlier publishers are known."""
-        self._met: set[int] = set()
-        """Publishers with another contract."""
         self._heard_strangers = False
 
     def lane_to(self, sink: Sink) -> Lane:
@@ -304,22 +302,12 @@ class Subscriber(SubscribingLink["IceCore"]):
                 payload = self._reception.admit(self.channel.name, 0, payload)
             return self._put(payload if not self.lossless else (None, 0, payload))
         if header.fingerprint != self.channel.type.fingerprint:
-            self._meet(header)
+            self.meet_stranger(header.source, header.fingerprint)
             return None
         with self._taking:
             if self._latched and not self._is_next(header, payload):
                 return None
             return self._admit(header, payload)
-
-    def _meet(self, header: Header) -> None:
-        """Report, once, a publisher with another contract; the directory may have its text."""
-        if header.source in self._met or len(self._met) >= STRANGERS:
-            return
-        self._met.add(header.source)
-        self.counterparts()
-        entries = self.transport.directory.find(self.facing, self.channel.name)
-        if not any(entry.fingerprint == header.fingerprint for _, entry in entries):
-            self.report_mismatch(header.source, header.fingerprint)
 
     def _admit(self, header: Header, payload: Payload) -> Job | None:
         if not self._ledger.admit(header.source, header.sequence):

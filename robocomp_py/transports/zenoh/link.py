@@ -145,11 +145,6 @@ class Link(BaseLink["ZenohCore", Token]):
             return Closed(f"{self.channel.name}: the link is closed")
         return TransportError(f"zenoh: {self.channel.name}: {why}")
 
-    def meet_stranger(self, link: int, fingerprint: int) -> None:
-        """Have another thread report a mismatch: that may wait for the peer's contract."""
-        if link not in self._reported and len(self._reported) < STRANGERS:
-            self.transport.do(partial(self.report_mismatch, link, fingerprint))
-
     def definition_of(self, key: Hashable) -> str:
         """The contract of a link, asked from the link itself."""
         if not self._texts.get(key) and isinstance(key, int):
