@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,18 +92,21 @@ class _Canvas:
 
     def __init__(self, lens: Lens, rows: Floats) -> None:
         self.pixels = np.empty((lens.height, lens.width, 3), np.uint8)
+        self._whole = _whole(self.pixels)
         self._depth = np.full((lens.height, lens.width), np.inf)
         self._lens, self._rows = lens, rows
 
     def fill_ground(self, at: Floats, headings: Floats, stretch: Floats) -> None:
         """Draw a tiled floor below the horizon, and a plain ceiling above."""
-        depth = EYE_M * self._lens.focal / np.maximum(self._rows, 0.5)
+        horizon = np.count_nonzero(self._rows < 0)
+        depth = EYE_M * self._lens.focal / np.maximum(self._rows[horizon:], 0.5)
         reach = depth * stretch
         tiles = np.floor((at[0] + reach * np.sin(headings)) * 2)
         tiles += np.floor((at[1] + reach * np.cos(headings)) * 2)
-        light = np.where(tiles % 2, 1.0, 0.88) * _fade(depth)
-        self.pixels[:] = (light[..., None] * FLOOR).astype(np.uint8)
-        self.pixels[self._rows[:, 0] < 0] = CEILING
+        is_light = tiles != 2 * np.floor(tiles / 2)  # `%` takes several times as long
+        light, dark = (_whole(share * _fade(depth) * FLOOR) for share in (1.0, 0.88))
+        self.pixels[:horizon] = CEILING
+        self._whole[horizon:] = np.where(is_light, light[:, None], dark[:, None])
 
     def draw_columns(self, things: Things, depth: Floats, light: Floats) -> None:
         """Draw things at this distance in each column."""
@@ -111,9 +115,8 @@ class _Canvas:
         bottom = EYE_M * scale
         hit = (self._rows >= top) & (self._rows <= bottom) & (depth < self._depth)
         colour = (light * _fade(depth))[:, None] * things.colour
-        where = np.nonzero(hit)
-        self.pixels[where] = colour[where[1]].astype(np.uint8)
-        self._depth[where] = depth[where[1]]
+        np.copyto(self._whole, _whole(colour), where=hit)
+        np.copyto(self._depth, depth, where=hit)
 
     def draw_figure(self, ahead: float, aside: float) -> None:
         """Draw the victim, in red and waving, this far ahead and to the right."""
@@ -132,6 +135,11 @@ class _Canvas:
         shown &= inside_rows[:, None] & inside_columns
         self.pixels[shown] = FIGURE_COLOURS[part[shown]]
         self._depth[shown] = ahead
+
+
+def _whole(colours: NDArray[Any]) -> NDArray[np.void]:
+    """Each colour as one element: it is copied at once, several times as fast."""
+    return colours.astype(np.uint8, copy=False).view("V3")[..., 0]
 
 
 def _nearest(things: Things, at: Floats, headings: Floats) -> tuple[Floats, Floats]:

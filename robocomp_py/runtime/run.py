@@ -111,7 +111,7 @@ class Running:
         """Whether an executor takes its steps, so that it has no threads of its own."""
         self._sleeping: set[threading.Event] = set()
         self._last_hindrance = ""
-        self._doing: list[str] = []
+        self._doing: list[Callable[[], object]] = []
         self._machine: Machine | None = None
         self._diary: Diary | None = None
         self._round = 0
@@ -166,13 +166,18 @@ class Running:
         An event, such as a fired transition or a change of a period, may make it earlier, so ask again after each
         beat, handler or call of this component.
         """
-        if self.state is State.ENDED:
+        state = self.state
+        if state is State.ENDED:
             return NEVER
-        now = self.clock.now()
-        due = NEVER if self._is_stepping else self._step_due(now)
-        if self._is_driven and due > now:
+        now, is_alive = self.clock.now(), state in _ALIVE
+        due = now
+        if self._is_stepping:
+            due = NEVER
+        elif is_alive and not (self._machine and state is State.COMPUTE and self._machine._waiting):
+            due = self._compute._beat.due(now)
+        if self._is_driven and is_alive and due > now:
             beside = min(self._watching.due(), self._agenda.due()) if self._agenda else self._watching.due()
-            due = min(due, max(now, beside)) if self.state in _ALIVE else due
+            due = min(due, max(now, beside))
         return due
 
     @property
@@ -229,7 +234,7 @@ class Running:
     @property
     def doing(self) -> str:
         """The name of the hook that is running; "" if none is."""
-        return self._doing[-1] if self._doing else ""
+        return _name(self._doing[-1]) if self._doing else ""
 
     @property
     def life(self) -> str:
@@ -405,26 +410,16 @@ class Running:
 
     # Living.
 
-    def _step_due(self, now: int) -> int:
-        """The time at which the next step is due. Steps are what `run` does itself."""
-        match self.state:
-            case State.COMPUTE if self._machine and self._machine._waiting:
-                return now
-            case State.COMPUTE | State.EMERGENCY:
-                return self._compute._beat.due(now)
-            case _:
-                return now
-
     def _step(self) -> bool:
         """Take one step if it is due, and return whether it was."""
+        if self.state is State.COMPUTE:  # first: it is so at nearly every step
+            return self._move_or_compute()
         match self.state:
             case State.STARTING:
                 return self._look_for_peers()
             case State.INITIALIZE:
                 self._once(self.worker.initialize, early=True)
                 self._get_going()
-            case State.COMPUTE:
-                return self._move_or_compute()
             case State.EMERGENCY:
                 return self._on_the_beat(self.worker.emergency)
             case State.RESTORE:
@@ -638,8 +633,7 @@ class Running:
 
     def _guard(self, hook: Callable[[], object], run: Callable[[], object]) -> None:
         """Run a hook by `run`, and handle what it raises."""
-        name = _name(hook)
-        self._doing.append(name)
+        self._doing.append(hook)
         try:
             run()
             self._last_hindrance = ""
@@ -656,7 +650,7 @@ class Running:
         except Exception as exc:
             self._fail(f"{_name(hook)} raised {type(exc).__name__}\n{user_trace(exc)}")
         finally:
-            self._doing.remove(name)
+            self._doing.remove(hook)
 
     def _fail_by(self, exc: Exception) -> None:
         """Fail by an error of its links or its middleware."""

@@ -18,6 +18,7 @@ from ..runtime.settings import Settings
 from ..runtime.worker import Worker
 from ..spelling import unknown
 from ..transports.base import TransportConfig
+from ..transports.memory import keep_memory
 from .executor import Executor
 from .outside import Outside, provided
 from .record import Record
@@ -61,17 +62,20 @@ class Simulation:
 
     def __init__(self, parts: Sequence[Part], seed: int = 0, write: Callable[[str], object] | None = None) -> None:
         """Creates the workers. Raises ComponentError if one cannot be created."""
+        keep_memory()
         self._executor = Executor()
         self.record = Record(self._executor, write)
         self._air = air = Air(self._executor, self.record)
         self._parts = parts
         self._components: dict[str, Simulated] = {}
+        self._running: list[Running] = []
         self._before = set(threading.enumerate())
         for order, part in enumerate(parts):
             clock = TurnClock(self._executor, order)
             running = Running(
                 part.worker_class, part.settings, air.factory, _tell, clock, TurnThreads(self._executor), seed=seed
             )
+            self._running.append(running)
             self._components[part.settings.instance] = simulated = Simulated(running)
             self._executor.add(simulated)
 
@@ -147,10 +151,10 @@ class Simulation:
     def _has_ended(self) -> bool:
         """Whether all components have ended, or one has failed. Asked after each event, so it has to be quick."""
         is_over = True
-        for each in self._components.values():
+        for each in self._running:
             if each.failed:
                 return True
-            is_over = is_over and each.is_over()
+            is_over = is_over and each.state is State.ENDED
         return is_over
 
     def outside(self, name: str) -> Outside:

@@ -117,14 +117,15 @@ def _run(sim: Simulation, options: argparse.Namespace) -> int:
     from ...runtime.clock import ns
 
     limit, until = options.duration, options.until
+    has_ended = sim[until].is_over if until else bool
     began, threads = time.monotonic(), set[str]()
     try:
         with Progress("rcdeploy") as progress:
             while True:
                 left = _SLICE if limit is None else min(_SLICE, limit - sim.time)
-                sim.run(until=lambda: _has_ended(sim, until), at_most=left)
+                sim.run(until=has_ended, at_most=left)
                 _warn_of_threads(sim, threads)
-                if sim.over or sim.failed or _has_ended(sim, until):
+                if sim.over or sim.failed or has_ended():
                     break
                 if limit is not None and ns(limit - sim.time) <= 0:
                     break
@@ -134,13 +135,9 @@ def _run(sim: Simulation, options: argparse.Namespace) -> int:
                     time.sleep(ahead)
     except (KeyboardInterrupt, SystemExit):  # the components finish, and the result is shown
         return 128 + (signalled() or signal.SIGINT)
-    if until and not _has_ended(sim, until) and not sim.failed:
+    if until and not has_ended() and not sim.failed:
         return complain(f"rcdeploy: {until} has not ended in {sim.time:g} s")
     return FINE
-
-
-def _has_ended(sim: Simulation, instance: str | None) -> bool:
-    return instance is not None and sim[instance].is_over()
 
 
 def _warn_of_threads(sim: Simulation, told: set[str]) -> None:
