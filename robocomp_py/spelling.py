@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
 
 
 def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
@@ -34,6 +35,21 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
     return f"unknown {what} `{name}`; " + (
         f"did you mean `{near}`?" if near else f"known: {', '.join(names) or 'none'}"
     )
+
+
+def beside(path: Path) -> Path | None:
+    """What the folder of a missing file or folder has under a similar name with the same ending, if anything."""
+    try:
+        names = [each.name for each in path.parent.iterdir() if each.suffix == path.suffix]
+    except (OSError, ValueError):  # no folder, or a name that cannot be one
+        return None
+    near = closest(path.name, names)
+    return path.with_name(near) if near else None
+
+
+def and_then(first: str, more: str) -> str:
+    """Two parts of a message: `a; b`, and after a question `a? b`."""
+    return f"{first}{' ' if first.endswith('?') else '; '}{more}"
 
 
 def enumerated(names: Iterable[str]) -> str:

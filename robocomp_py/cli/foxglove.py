@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from .common import FINE
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, positive, reported, say
+from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, nothing_published, positive, reported, say
 
 if TYPE_CHECKING:
     from ..tools.foxglove.live import Bridge
@@ -114,8 +114,7 @@ def _show_network(bridge: Bridge, options: argparse.Namespace, hosts: Hosts, end
         session.look()
         _tell_address(bridge)
         if not session.followed:
-            what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
-            _tell(f"nothing publishes {what} yet; `rc list --topics` shows all topics")
+            _tell(nothing_published(census(), options.topics, " yet"))
         while time.monotonic() < end:
             session.look()
             time.sleep(_LOOK)

@@ -55,13 +55,17 @@ def run(options: argparse.Namespace) -> int:
         network = hosts.census(options.middleware, own=options.all)
         kinds = [kind for name, kind in _KINDS.items() if getattr(options, name)]
         if options.channels or kinds:
-            return code_of(hosts, _channels(network, kinds or list(_KINDS.values()), as_json=options.json))
+            shown = _channels(network, kinds or list(_KINDS.values()), as_json=options.json)
+            return code_of(
+                hosts, _told(shown, " or ".join(name for name in _KINDS if getattr(options, name)) or "channels")
+            )
         found = network.components(tools=options.all)
-        return code_of(hosts, _components(found, as_json=options.json, with_hosts=bool(hosts.posts)))
+        shown = _components(found, as_json=options.json, with_hosts=bool(hosts.posts))
+        return code_of(hosts, _told(shown, "components"))
     return code()
 
 
-def _components(found: list[Running], *, as_json: bool, with_hosts: bool) -> int:
+def _components(found: list[Running], *, as_json: bool, with_hosts: bool) -> bool:
     if as_json:
         for each in found:
             print(json.dumps(asdict(each)))
@@ -77,10 +81,10 @@ def _components(found: list[Running], *, as_json: bool, with_hosts: bool) -> int
         ]
         where = ("host",) if with_hosts else ()
         print_table(("component", *where, "process", "over", "offers", "uses"), rows, wrapped=("offers", "uses"))
-    return _told(bool(found))
+    return bool(found)
 
 
-def _channels(network: Network, kinds: list[str], *, as_json: bool) -> int:
+def _channels(network: Network, kinds: list[str], *, as_json: bool) -> bool:
     found = [each for each in network.channels.values() if each.pattern in kinds]
     rows = []
     for each in found:
@@ -101,12 +105,12 @@ def _channels(network: Network, kinds: list[str], *, as_json: bool) -> int:
         rows.append((each.name, str(each.pattern), *map(_listed, (each.middlewares, provided, used))))
     if found and not as_json:
         print_table(("channel", "pattern", "over", "provided by", "used by"), rows, wrapped=("provided by", "used by"))
-    return _told(bool(found))
+    return bool(found)
 
 
-def _told(found: bool) -> int:
+def _told(found: bool, what: str) -> int:
     if not found:
-        print("rc list: nothing of this kind runs here", file=sys.stderr)
+        print(f"rc list: there are no {what} here", file=sys.stderr)
     return FINE if found else WRONG
 
 

@@ -141,19 +141,23 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     Raises Absent after the timeout, with its last error, and HostUnreachable if a host could not be looked at.
     """
     from ..errors import HostUnreachable
+    from ..spelling import and_then
     from ..tools.census import take_census
+    from .progress import Progress
 
     census = hosts.census if hosts else take_census
     end = time.monotonic() + options.timeout
-    while True:
-        try:
-            return pick(census(options.middleware, own=True))
-        except ValueError as exc:
-            if isinstance(exc, Wrong) or time.monotonic() > end:
-                if hosts and hosts.lost:
-                    raise HostUnreachable(f"{exc}; it may be on {', '.join(hosts.lost)}") from exc
-                raise Absent(str(exc)) from exc
-        time.sleep(_LOOK)
+    with Progress(f"rc {options.command}") as progress:
+        while True:
+            try:
+                return pick(census(options.middleware, own=True))
+            except ValueError as exc:
+                if isinstance(exc, Wrong) or time.monotonic() > end:
+                    if hosts and hosts.lost:
+                        raise HostUnreachable(and_then(str(exc), f"it may be on {', '.join(hosts.lost)}")) from exc
+                    raise Absent(str(exc)) from exc
+                progress.show(f"waiting up to {options.timeout:g} s: {exc}")
+            time.sleep(_LOOK)
 
 
 def awaited_topics(options: argparse.Namespace, hosts: Hosts | None = None) -> list[Channel]:
@@ -180,6 +184,14 @@ def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:
             raise Absent(unknown("component", each, dict.fromkeys([*shorts, *known])))
         found += meant
     return list(dict.fromkeys(found))
+
+
+def nothing_published(network: Network, wanted: Sequence[str], more: str = "") -> str:
+    """The message that none of these topics is published, or with no names none at all."""
+    what = ", ".join(f"`{each}`" for each in wanted) or "anything"
+    near = next(filter(None, map(network.closest, wanted)), "")
+    hint = f"did you mean `{near}`?" if near else "`rc list --topics` shows all topics"
+    return f"nothing publishes {what}{more}; {hint}"
 
 
 def nothing_heard(options: argparse.Namespace) -> Absent:

@@ -17,6 +17,7 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
     """
     from ..deploy.client import network_of, not_running, running_plan
     from ..errors import ConfigurationError
+    from ..spelling import and_then
 
     name = network_of(text)
     plan = running_plan(name)
@@ -24,7 +25,7 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
         return plan
     path = network(text)
     if path.suffix != ".ddsl":
-        raise ConfigurationError(f"{not_running(name)}; give it a DDSL file")
+        raise ConfigurationError(and_then(not_running(name), "give it a DDSL file"))
     return _planned(path, include)
 
 

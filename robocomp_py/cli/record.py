@@ -8,7 +8,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,20 @@ from typing import TYPE_CHECKING, Any
 from .common import FINE, UNREACHABLE
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, TOPIC, Absent, add_json, add_middleware, add_waiting, count, positive, reported, say
+from .live import (
+    EXIT_STATUS,
+    TOPIC,
+    Absent,
+    add_json,
+    add_middleware,
+    add_waiting,
+    count,
+    nothing_published,
+    positive,
+    reported,
+    say,
+)
+from .progress import Progress
 
 if TYPE_CHECKING:
     from ..tools.network import Network
@@ -131,7 +144,8 @@ def run(options: argparse.Namespace) -> int:
                     session = Session(recorder, access, census, options.topics, _tell, tellers.look)
                     recording = _Recording(recorder, session, tellers, lost)
                     try:
-                        _record(recording, options, begun)
+                        with Progress("rc record") as progress:
+                            _record(recording, options, begun, census, progress)
                     finally:
                         tellers.close()
             finally:
@@ -170,8 +184,11 @@ class _Recording:
         return sum(on_their_way) + sum(each.dropped for each in self.tracks)
 
 
-def _record(recording: _Recording, options: argparse.Namespace, begun: float) -> None:
+def _record(
+    recording: _Recording, options: argparse.Namespace, begun: float, look: Callable[[], Network], progress: Progress
+) -> None:
     from ..errors import HostUnreachable
+    from ..spelling import and_then
 
     shown, end = begun, None
     while not recording.recorder.error:
@@ -183,19 +200,21 @@ def _record(recording: _Recording, options: argparse.Namespace, begun: float) ->
             end = time.monotonic() + options.seconds
         if not recording.has_begun and now - begun >= options.timeout:
             if lost := recording.unreachable:
-                raise HostUnreachable(f"{_nothing(options)}; it may be on {', '.join(lost)}")
-            raise Absent(_nothing(options))
-        if now - shown >= 1 and sys.stderr.isatty():
+                raise HostUnreachable(and_then(_nothing(options, look()), f"it may be on {', '.join(lost)}"))
+            raise Absent(_nothing(options, look()))
+        if not recording.has_begun and now - shown >= 1:
+            shown = now
+            progress.show(f"waiting up to {options.timeout:g} s: {_nothing(options, look())}")
+        elif now - shown >= 1 and sys.stderr.isatty():
             shown = now
             _show(recording, now - begun)
         time.sleep(_LOOK)
 
 
-def _nothing(options: argparse.Namespace) -> str:
-    what = ", ".join(f"`{each}`" for each in options.topics) or "anything"
-    told = [f"tells its {each}" for each in ("calls", "logs") if getattr(options, each)]
-    also = f", and no component {' or '.join(told)}" if told else ""
-    return f"nothing publishes {what}{also}; `rc list --topics` shows all topics"
+def _nothing(options: argparse.Namespace, network: Network) -> str:
+    reported = [what for what, wanted in (("calls", options.calls), ("log records", options.logs)) if wanted]
+    also = f", and no component reports {' or '.join(reported)}" if reported else ""
+    return nothing_published(network, options.topics, also)
 
 
 def _tell(text: str) -> None:

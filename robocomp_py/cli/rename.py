@@ -79,12 +79,13 @@ class _Changes:
 
 def run(options: argparse.Namespace) -> int:
     from ..lsp.rename import CannotRename
+    from ..spelling import and_then
 
     try:
         folder = options.folder or _around(options.file)
         changes = _changes(options.file, options.old, options.new, folder, options.include)
     except CannotRename as exc:
-        return complain(f"rc rename: {exc}; nothing was changed")
+        return complain(f"rc rename: {and_then(str(exc), 'nothing was changed')}")
     except ModuleNotFoundError as exc:
         if exc.name != "libcst":
             raise

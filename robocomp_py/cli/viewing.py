@@ -125,8 +125,9 @@ def network_named(text: str) -> str:
 
     Raises RobocompError.
     """
-    from ..deploy.client import network_of, networks, running_plan
+    from ..deploy.client import network_of, networks, not_running, running_plan
     from ..errors import ConfigurationError
+    from ..spelling import and_then
 
     if Path(text).suffix not in ("", ".ddsl"):
         raise ConfigurationError(f"{text}: give it the file of a scene (.xml), or a network")
@@ -134,9 +135,8 @@ def network_named(text: str) -> str:
     if text:
         name = network_of(text)
         if running_plan(name) is None:
-            raise ConfigurationError(
-                f"network `{name}` does not run here; start it with rcdeploy, or give the file of a scene (.xml)"
-            )
+            advice = "start it with rcdeploy, or give the file of a scene (.xml)"
+            raise ConfigurationError(and_then(not_running(name), advice))
         return name
     if len(running) > 1:
         raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +16,11 @@ from .tree import Branch
 
 _LOOK = 0.1
 """Seconds between two looks at what is awaited."""
+
+_PATIENCE = 1.0
+"""Seconds until a wait for the network is told."""
+
+log = logging.getLogger(__name__)
 
 
 def connect(
@@ -37,11 +43,14 @@ def connect(
     if not timeout > 0:
         raise ConfigurationError(f"timeout={timeout!r} must be a positive number of seconds")
     session = Session(network, middlewares, timeout, keys=os.fspath(keys) if keys else None)
-    end = time.monotonic() + timeout
+    end, is_told = time.monotonic() + timeout, False
     try:
         while not session.census().channels:
             if time.monotonic() > end:
                 raise _nothing(network, session.lost)
+            if not is_told and time.monotonic() > end - timeout + _PATIENCE:
+                is_told = True
+                log.warning("waiting up to %g s: %s", timeout, _nothing(network, session.lost))
             time.sleep(_LOOK)
     except BaseException:  # Ctrl-C, too: no scout stays
         session.close()
@@ -109,10 +118,6 @@ def _nothing(network: str, lost: Mapping[str, str]) -> NotThere:
         return NotThere(ready + why)
     near = closest(network, running)
     hint = (
-        f"did you mean `{near}`?"
-        if near
-        else f"there is {', '.join(running)}"
-        if running
-        else "no network does; start it with rcdeploy"
+        f"did you mean `{near}`?" if near else f"running: {', '.join(running)}" if running else "start it with rcdeploy"
     )
     return NotThere(f"no network `{network}` runs on this host; {hint}")

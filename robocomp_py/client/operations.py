@@ -14,7 +14,7 @@ from ..contract.qos import DEFAULT_QOS, QoS
 from ..contract.types import Enumeration, Field, Struct, walk
 from ..errors import ContractMismatch, RobocompError, Timeout, Unreachable
 from ..runtime.calls import Call
-from ..spelling import unknown
+from ..spelling import and_then, unknown
 from ..threads import fulfil
 from ..tools import far
 from ..tools.idsl import declared
@@ -99,7 +99,7 @@ class Described:
         for key, value in named.items():
             if key not in known:
                 names = [*(each.name for each in fields), "deadline"]
-                raise TypeError(f"{name}: {unknown('argument', key, names)}; {takes}")
+                raise TypeError(f"{name}: {and_then(unknown('argument', key, names), takes)}")
             if known[key] in given:
                 raise TypeError(f"{name}: `{key}` is given twice")
             given[known[key]] = value

@@ -67,7 +67,11 @@ def network_of(text: str) -> str:
     try:
         found = _WORDS.finditer(path.read_text(encoding="utf-8", errors="replace"))
     except OSError as exc:
-        raise DeploymentError(f"{path} cannot be read: {exc.strerror}; give it a network (.ddsl)") from exc
+        from ..spelling import beside  # most commands do without
+
+        near = beside(path) if isinstance(exc, FileNotFoundError) else None
+        hint = f"did you mean `{near}`?" if near else "give it a network (.ddsl)"
+        raise DeploymentError(f"{path} cannot be read: {exc.strerror}; {hint}") from exc
     name = next((each[1] for each in found if each[1]), "")
     if not name:
         raise DeploymentError(f"{path} is not a network: it has no `Deployment`")
@@ -81,11 +85,13 @@ def networks() -> list[str]:
 
 
 def not_running(network: str) -> str:
-    """The message for a network that does not run here, with the name of one that does if it is similar."""
+    """The message for a network that does not run here, and the one that was meant, or those that do."""
     from ..spelling import closest  # most commands do without
 
-    near = closest(network, networks())
-    return f"network `{network}` is not running on this machine" + (f"; did you mean `{near}`?" if near else "")
+    running = networks()
+    near = closest(network, running)
+    hint = f"; did you mean `{near}`?" if near else f"; running: {', '.join(running)}" if running else ""
+    return f"network `{network}` is not running on this machine{hint}"
 
 
 def running_plan(network: str) -> dict[str, Any] | None:

@@ -60,6 +60,11 @@ if TYPE_CHECKING:
 ENDINGS = (".idsl", ".cdsl", ".pdsl", ".ddsl", ".smdsl")
 """The endings of our languages. A state machine may also be an SCXML file."""
 
+_MODELS = (".ddsl", *ENDINGS)
+"""The endings of a model that is called without one: a network has its folder's name more often than a component."""
+
+_MISTAKES = (FileNotFoundError, IsADirectoryError)
+
 SHIPPED = Path(str(files("robocomp_py") / "interfaces"))
 
 COMMON_BEHAVIOR = "RoboCompCommonBehavior"
@@ -276,7 +281,7 @@ class Workspace:
             data = self.read(path)
         except (OSError, ValueError) as exc:
             reason = getattr(exc, "strerror", None) or exc
-            hint = nearby(path, str(path)) if isinstance(exc, FileNotFoundError) else ""
+            hint = nearby(path, str(path), models=_MODELS) if isinstance(exc, _MISTAKES) else ""
             self.report.error(
                 "unreadable", f"cannot be read: {reason}", Source(path, "", has_places=False).span(0, 0), hint
             )

@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import plugins
 from ..errors import ComponentError
-from ..spelling import closest
+from ..spelling import beside
 from .trace import user_trace
 from .worker import Worker
 
@@ -56,9 +56,8 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
 
 
 def _missing(folder: Path) -> str:
-    beside = [each.name for each in folder.parent.iterdir() if each.is_dir()] if os.path.isdir(folder.parent) else []
-    near = closest(folder.name, beside)
-    return f"there is no folder {folder}" + (f"; did you mean `{folder.with_name(near)}`?" if near else "")
+    near = beside(folder)
+    return f"there is no folder {folder}" + (f"; did you mean `{near}`?" if near else "")
 
 
 def _folder_of(file: Path) -> Path:

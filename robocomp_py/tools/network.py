@@ -283,12 +283,16 @@ class Network:
             raise ValueError(f"`{name}` may be {listed}; write more of the name" if found else f"`{name}` is no topic")
         return found[0]
 
-    def _unknown(self, name: str) -> str:
+    def closest(self, name: str) -> str:
+        """The name of a channel that is provided, or of a part of it, that was meant by a misspelt one, or ""."""
         provided = [each.name for each in self.channels.values() if each.providers]
         parts = {"/".join(each.split("/")[-count:]) for each in provided for count in (1, 2, 3)}
         parts |= {part for each in provided for part in each.split("/")}
         parts |= {each.rpartition("/")[0] for each in provided}
-        near = closest(name.strip("/"), parts)
+        return closest(name.strip("/"), parts)
+
+    def _unknown(self, name: str) -> str:
+        near = self.closest(name)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 from itertools import count
 
+import pytest
+
 from robocomp_py.cli.progress import Progress
 
 
@@ -28,6 +30,11 @@ def test_progress_is_shown_from_one_second_on_and_erased_at_the_end() -> None:
 
 def test_a_quick_command_shows_no_progress() -> None:
     assert shown(Terminal(), 0.15) == []
+
+
+def test_a_line_is_cut_at_the_width_of_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "20")
+    assert shown(Terminal(), 2.0)[0] == "rcgen: components r"
 
 
 def test_updates_are_limited_to_a_readable_rate() -> None:

@@ -139,6 +139,11 @@ def test_for_a_misspelt_name_the_one_that_runs_is_proposed(running: Running) -> 
         Connection("hom")
 
 
+def test_for_an_unlike_name_those_that_run_are_listed(running: Running) -> None:
+    with pytest.raises(NotRunning, match="network `kitchen` is not running on this machine; running: home"):
+        Connection("kitchen")
+
+
 def test_running_processes_are_known_by_name(running: Running) -> None:
     assert networks() == ["home"]
 

@@ -210,3 +210,18 @@ def test_a_very_long_line_of_ancestors_is_refused(tmp_path: Path, kind: str) -> 
         heirs = "".join(f"{kind} E{number} extends E{number + 1} {{ }};\n" for number in range(length))
         path.write_text(f"module Arm {{ {heirs} {kind} E{length} {{ }}; }};")
         assert set(codes(path)) == said
+
+
+@pytest.mark.parametrize(
+    ("written", "proposed"), [("yard", "yard.ddsl"), ("pilot", "pilot.cdsl"), ("pilt", "pilot"), ("yrd", ""), (".", "")]
+)
+def test_for_a_name_without_an_ending_a_model_or_a_folder_is_proposed(
+    written: str, proposed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for each in ("yard.cdsl", "yard.ddsl", "pilot.cdsl"):
+        Path(each).touch()
+    Path("pilot").mkdir()
+    workspace = Workspace()
+    assert workspace.source(Path(written)) is None
+    assert workspace.report.errors[0].hint == (f"did you mean `{proposed}`?" if proposed else "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import json
 import os
 import re
@@ -418,7 +419,26 @@ def test_usage_is_told(arguments: tuple[str, ...]) -> None:
 
 
 def test_nothing_runs(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert complained(capsys, "list") == "rc list: nothing of this kind runs here\n"
+    assert complained(capsys, "list") == "rc list: there are no components here\n"
+    assert complained(capsys, "list", "--topics", "--queries") == "rc list: there are no topics or queries here\n"
+
+
+def test_a_wait_for_a_name_is_shown_on_a_terminal(
+    own_runtime_folder: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for command in (["hz", "elephant"], ["record", "elephant", "-o", str(tmp_path / "run")]):
+        terminal = Terminal()
+        with monkeypatch.context() as here:
+            here.setattr("sys.stderr", terminal)
+            assert rc.main([*command, "--timeout", "1.5"]) == 1
+        shown, ended = terminal.getvalue().split("\r\x1b[K")[1], terminal.getvalue().rsplit("\r\x1b[K")[-1]
+        assert shown.startswith(f"rc {command[0]}: waiting up to 1.5 s: ")
+        assert ended.startswith(f"rc {command[0]}: ")
+        assert "elephant" in ended
 
 
 def test_a_topic_that_is_silent_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,7 @@ def connected(network: str, action: Callable[[Connection], int], absent: Callabl
     """
     from ...deploy.client import Connection, NotRunning, network_of
     from ...errors import DeploymentError, HostUnreachable
+    from ...spelling import and_then
 
     try:
         try:
@@ -41,8 +42,8 @@ def connected(network: str, action: Callable[[Connection], int], absent: Callabl
                 return code
             raise
     except NotRunning as exc:
-        start = f"; start it: rcdeploy {shlex.quote(network)}" if os.path.isfile(network) else ""
-        return complain(f"rcdeploy: {exc}{start}")
+        start = f"start it: rcdeploy {shlex.quote(network)}"
+        return complain(f"rcdeploy: {and_then(str(exc), start) if os.path.isfile(network) else exc}")
     except HostUnreachable as exc:
         complain(f"rcdeploy: {exc}")
         return UNREACHABLE

@@ -64,4 +64,4 @@ def _end_kept(network: str) -> int | None:
 
 
 def _tell(there: int, all_of_them: int) -> None:
-    print(f"stopping: {there} of {all_of_them} processes left", flush=True)
+    print(f"stopping: {there} of {all_of_them} processes still run", flush=True)

@@ -19,7 +19,7 @@ from ...contract import told
 from ...contract.interface import Operation, Pattern
 from ...contract.qos import QoS
 from ...printable import one_line
-from ...spelling import closest
+from ...spelling import beside, closest
 from ...wire.cdr import Cdr
 from ...wire.codec import Decoder
 from .bag import Attached, Note, RecordingError
@@ -164,7 +164,8 @@ class Recording:
 def files_of(path: Path) -> list[Path]:
     """The files of a recording, in their order. Raises RecordingError."""
     if not path.exists():
-        raise RecordingError(f"{path}: no such file or folder")
+        near = beside(path)
+        raise RecordingError(f"{path}: no such file or folder" + (f"; did you mean `{near}`?" if near else ""))
     if not path.is_dir():
         return [path]
     try:

@@ -141,4 +141,4 @@ def test_wrong_options_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert complained(capsys, "record", "--served", code=2) == "rc record: --served is for --calls\n"
     folder = tmp_path / "run"
     told = complained(capsys, "record", "elephant", "--calls", "--logs", "--timeout", "0.1", "-o", folder)
-    assert "nothing publishes `elephant`, and no component tells its calls or tells its logs" in told
+    assert "nothing publishes `elephant`, and no component reports calls or log records" in told

@@ -89,6 +89,14 @@ def test_a_recording_without_topics_ends_and_leaves_nothing(tmp_path: Path, caps
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_a_misspelt_topic_is_told_with_what_was_meant(
+    talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = complained(capsys, "record", "nws", "--timeout", "0.1", "-o", tmp_path / "run")
+    assert "rc record: nothing publishes `nws`; did you mean `news`?" in told
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 @pytest.mark.parametrize("talker", ["shm"], indirect=True)
 def test_what_an_ended_recorder_has_written_is_there(
@@ -117,6 +125,7 @@ def test_what_an_ended_recorder_has_written_is_there(
         (("record", "--keep", "3"), 2, "--keep needs --split, as in `--split 1GB --keep 10`"),
         (("record", "-o", "."), 2, "is there already; choose another folder with -o"),
         (("bag", "info", "nowhere"), 1, "nowhere: no such file or folder"),
+        (("bag", "info", "rum"), 1, "rum: no such file or folder; did you mean `run`?"),
         (("bag", "cut", "run", "-o", "part", "--only", "nws"), 1, "`nws` is not in it; did you mean `News`?"),
         (("bag", "cut", "run", "-o", "run"), 2, "run is there already; choose another folder with -o"),
         (("bag", "merge", "run", "nowhere", "-o", "both"), 1, "nowhere: no such file or folder"),
