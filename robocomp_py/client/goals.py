@@ -90,7 +90,11 @@ class Action(Described):
             wake.clear()
         return True
 
+    @property
+    def _title(self) -> str:
+        return self._offered.name
+
     def _taught(self) -> Iterator[str]:
-        yield f"{self._offered.name}: action"
+        yield f"{self._title}: action"
         yield from (f"  {line}" for line in told(self._action))
         yield f"use: goal = …{self._action.name}({self._example()}), then goal.feedback, goal.result(), goal.cancel()"

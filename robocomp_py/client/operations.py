@@ -69,6 +69,19 @@ class Described:
             self.__dict__.pop(each, None)
         return True
 
+    if not TYPE_CHECKING:  # mypy is to complain about unknown attributes
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):  # notebooks ask for many of these
+                raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+            what, *_, use = self._taught()
+            raise AttributeError(f"{what}, which has no `{name}`; {use}")
+
+    @property
+    def _title(self) -> str:
+        """What messages call it."""
+        return self._channel.name
+
     def __repr__(self) -> str:
         return "\n".join(self._taught())
 
@@ -90,7 +103,7 @@ class Described:
 
     def _arguments(self, values: Sequence[Any], named: Mapping[str, Any]) -> tuple[Any, ...]:
         """The inputs in their order. Raises TypeError, and EncodeError for a part of one that does not fit."""
-        name, fields = self._channel.name, self._inputs
+        name, fields = self._title, self._inputs
         takes = f"it takes ({self._example()})"
         if len(values) > len(fields):
             raise TypeError(f"{name}: {len(values)} arguments are given; {takes}")
@@ -105,14 +118,14 @@ class Described:
             given[known[key]] = value
         if absent := [each.name for each in fields if each.name not in given]:
             raise TypeError(f"{name}: lacks {', '.join(f'`{each}`' for each in absent)}; {takes}")
-        return tuple(fitted(each.type, given[each.name], each.name) for each in fields)
+        return tuple(fitted(each.type, given[each.name], f"{name}: {each.name}") for each in fields)
 
     def _deadline(self, named: dict[str, Any]) -> float:
         """Takes `deadline` out of the arguments, unless the operation itself has one."""
         if "deadline" in named and not any(each.name == "deadline" for each in self._inputs):
             limit = float(named.pop("deadline"))
             if not limit > 0:
-                raise ValueError(f"{self._channel.name}: deadline={limit} must be a positive number of seconds")
+                raise ValueError(f"{self._title}: deadline={limit} must be a positive number of seconds")
             return limit
         return self._session.timeout
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..contract.interface import Pattern
 from ..tools.announced import OWN
@@ -44,7 +44,14 @@ class Branch:
         return found[rest] if rest else found
 
     def __iter__(self) -> Iterator[Any]:
-        raise TypeError(f"{self._shown} is not a topic; dir() lists what it has")
+        raise TypeError(f"{self._shown} is not a topic; {self._has}")
+
+    def __call__(self, *_values: Any, **_named: Any) -> NoReturn:
+        raise TypeError(f"{self._shown} is not an operation; {self._has}")
+
+    @property
+    def _has(self) -> str:
+        return f"it has {', '.join(self._names())}"
 
     def __contains__(self, name: str) -> bool:
         return name in self._names()
@@ -135,7 +142,7 @@ class Interface(Branch):
             )
         )
         if topics is None:
-            raise TypeError(f"{self._shown} has no topic; it has {', '.join(self._names())}")
+            raise TypeError(f"{self._shown} has no topic; {self._has}")
         if len(topics) > 1:
             raise TypeError(f"{self._shown} has several topics, so name one: {', '.join(topics)}")
         topic: Topic = self._child(topics[0])

@@ -95,12 +95,17 @@ class Operation(Generic[R]):
         return self.pattern if (self.pattern is Pattern.PUBLISH) == verb.is_topic else None
 
     @cached_property
+    def called(self) -> str:
+        """Its name for people, `RoboCompArm.Arm.move`; of a part of an action, the name of the action."""
+        return f"{self.interface}.{self.name.partition('-')[0]}".replace("::", ".")
+
+    @cached_property
     def request(self) -> Struct:
-        return Struct(self._message("Request"), self.inputs)
+        return Struct(self._message("Request"), self.inputs, called=self.called)
 
     @cached_property
     def response(self) -> Response:
-        return Response(self._message("Response"), self.outputs)
+        return Response(self._message("Response"), self.outputs, called=self.called)
 
     @cached_property
     def text(self) -> str:

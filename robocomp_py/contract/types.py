@@ -114,6 +114,13 @@ class Struct:
     fields: tuple[Field, ...]
     python: type[Any] | None = field(default=None, repr=False)
     doc: str = field(default="", compare=False, repr=False)
+    called: str = field(default="", compare=False, repr=False)
+    """What people call it, if not by its name: for the messages of an operation, the operation."""
+
+    @property
+    def title(self) -> str:
+        """What errors call it."""
+        return self.called or self.name
 
     @cached_property
     def is_flat(self) -> bool:

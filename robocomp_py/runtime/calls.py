@@ -67,7 +67,7 @@ class Call(Generic[R]):
         return self._raise(reply)
 
     def _raise(self, reply: Reply) -> NoReturn:
-        name = f"{self.operation.interface}.{self.operation.name}".replace("::", ".")
+        name = self.operation.called
         match reply.status:
             case Status.THROWN:
                 raise self._thrown(name, reply.payload)

@@ -79,7 +79,7 @@ class Loans:
         try:
             check_size(sum(dtype.itemsize * size for dtype, size in zip(self._dtypes, sizes, strict=True)))
         except ValueError as exc:
-            raise EncodeError(f"{self._call.operation.request.name}: {exc}") from exc
+            raise EncodeError(f"{self._call.operation.called}: {exc}") from exc
         if self._borrow and self._pieces:
             planned = self._plans.get(sizes) or self._plan(self._pieces, kind, sizes)
             try:

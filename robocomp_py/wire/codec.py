@@ -58,10 +58,10 @@ class Codec(Protocol):
 def refused(message: Struct, values: Any, exc: Exception) -> EncodeError:
     """An error that names the wrong field; found by checking all fields again, slowly."""
     if isinstance(exc, TooManyItems):
-        return EncodeError(f"{message.name}: {exc}")
+        return EncodeError(f"{message.title}: {exc}")
     from .explain import explain  # it needs numpy, which tools do without
 
-    return EncodeError(explain(message, values) or f"{message.name}: {exc}")
+    return EncodeError(explain(message, values) or f"{message.title}: {exc}")
 
 
 def unreadable(message: Struct, exc: Exception) -> DecodeError:

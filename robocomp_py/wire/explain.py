@@ -27,11 +27,11 @@ from .values import RANGES, as_array, as_bool, as_float, as_float32, as_int, as_
 def explain(message: Struct, values: Any) -> str | None:
     """The first field whose value does not fit its type, in words; None if all do."""
     if not isinstance(values, tuple) or len(values) != len(message.fields):
-        return f"{message.name}: expected {len(message.fields)} values, got {_show(values)}"
+        return f"{message.title}: expected {len(message.fields)} values, got {_show(values)}"
     for field, value in zip(message.fields, values, strict=True):
         wrong = _explain(field.type, value, field.name)
         if wrong:
-            return f"{message.name}: {wrong}"
+            return f"{message.title}: {wrong}"
     return None
 
 

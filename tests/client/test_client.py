@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import subprocess
 import sys
 import threading
@@ -162,10 +163,13 @@ def test_exceptions_have_the_class_and_the_fields_of_the_interface(net: Any) -> 
         (lambda e: e.divide(1, 2, 3), TypeError, "3 arguments are given"),
         (lambda e: e.divide(1, 2, dividend=3), TypeError, "`dividend` is given twice"),
         (lambda e: e.divide(dividend=1, diviser=2), TypeError, "did you mean `divisor`?"),
-        (lambda e: e.divide(1, "two"), EncodeError, "divisor must be an int from"),
+        (lambda e: e.divide(1, diviser=2), TypeError, "did you mean `divisor`? it takes (dividend=0, divisor=0)"),
+        (lambda e: e.divide(1, "two"), EncodeError, "Conformance.Everything.divide: divisor must be an int from"),
+        (lambda e: e.divide.latest(), AttributeError, "divide: query, which has no `latest`; use: …divide(dividend=0"),
+        (lambda e: e(), TypeError, "talker/Everything is not an operation; it has "),
         (lambda e: e.divide(1, 2, deadline=0), ValueError, "must be a positive number of seconds"),
         (lambda e: e.divide(1, 2**63), EncodeError, "divisor must be an int from"),
-        (lambda e: e.echo_nested({"scalers": 1}), EncodeError, "value: unknown field `scalers`; did you mean"),
+        (lambda e: e.echo_nested({"scalers": 1}), EncodeError, "echo_nested: value: unknown field `scalers`; did"),
         (lambda e: e.echo_nested({"scalars": 1}), EncodeError, "value: lacks `points`"),
         (lambda e: e.echo_nested((1, 2)), EncodeError, "value: has 2 values; its fields are scalars"),
         (lambda e: e.news(1, "x"), TypeError, "is a topic: it is heard by .latest()"),
@@ -458,6 +462,13 @@ def test_a_goal_ends_with_the_exception_of_the_interface(pilot: Any) -> None:
     with pytest.raises(DeclaredError, match="a bird") as raised:
         pilot.fly((-1, 0), 1).result(SOON)
     assert type(raised.value).__name__ == "Blocked"
+
+
+def test_what_is_wrong_with_a_goal_is_told_under_the_name_of_its_action(pilot: Any) -> None:
+    for wrong in (lambda: pilot.fly((1, 2)), lambda: pilot.fly((1, 2), "a"), lambda: pilot.fly.latest()):
+        with pytest.raises((TypeError, EncodeError, AttributeError)) as raised:
+            wrong()
+        assert re.search(r"Pilot[./]fly: ", str(raised.value))
 
 
 def test_an_action_is_shown_as_one(pilot: Any) -> None:
