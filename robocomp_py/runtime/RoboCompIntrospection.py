@@ -202,8 +202,10 @@ class Measure:
     middleware: str = ""
     count: int = 0  # messages or calls, those that failed included
     failed: int = 0  # of these; an exception that the IDSL declares is an answer
-    # of the latest 256, oldest first, in s: a caller's round trip, a handler's run, or
-    # a send
+    # of these, how many were timed: each, or every 64th while they are frequent
+    timed: int = 0
+    # of the latest 256 timed, oldest first, in s: a caller's round trip, a handler's
+    # run, or a send
     latest: Durations = field(default_factory=lambda: np.empty(0, np.float32))
     # of the same for a handler: how long each waited until it ran, in s
     waited: Durations = field(default_factory=lambda: np.empty(0, np.float32))
@@ -233,9 +235,14 @@ Measure.__contract__ = Struct(
             doc="of these; an exception that the IDSL declares is an answer",
         ),
         Field(
+            "timed",
+            INT64,
+            doc="of these, how many were timed: each, or every 64th while they are frequent",  # noqa: E501, RUF100
+        ),
+        Field(
             "latest",
             Sequence(FLOAT32),
-            doc="of the latest 256, oldest first, in s: a caller's round trip, a handler's run, or a send",  # noqa: E501, RUF100
+            doc="of the latest 256 timed, oldest first, in s: a caller's round trip, a handler's run, or a send",  # noqa: E501, RUF100
         ),
         Field(
             "waited",

@@ -182,6 +182,7 @@ def _end(tally: Tally) -> End:
 
 
 def _measure(tally: Tally) -> Measure:
+    tally.time_next()
     stats = tally.link.stats if tally.link else None
     made = Measure(
         port=tally.label,
@@ -191,6 +192,7 @@ def _measure(tally: Tally) -> Measure:
         middleware=tally.route.middleware,
         count=tally.count,
         failed=tally.failed,
+        timed=tally.timed,
         latest=np.array(tally.latest, np.float32),
         waited=np.array(tally.waited, np.float32),
     )

@@ -57,6 +57,7 @@ struct RoboCompIntrospection::Measure
   middleware string
   count int64
   failed int64
+  timed int64
   latest sequence<float32>
   waited sequence<float32>
   received int64

@@ -313,30 +313,31 @@ class BoundQuery:
 
     def __init__(self, call: Call[Any], caller: Caller, monitor: Monitor, deadline: float, tally: Tally) -> None:
         self._call, self._caller, self._monitor, self._deadline = call, caller, monitor, deadline
-        self._tally, self._note = tally, tally.latest.append
+        self._tally = tally
 
     def ask(self, arguments: tuple[Any, ...], deadline: float | None) -> Any:
         limit = self._deadline if deadline is None else _positive(deadline)
         payload = self._call.encode(arguments)
         tally = self._tally
-        begin = tally.begin
-        finish = begin(tally, arguments) if begin else None
+        tally.count = count = tally.count + 1
+        timed = not count & tally.skips
+        finish = tally.start(arguments) if timed else None
         suspended = self._monitor.suspend()
-        begun = _now()
+        begun = _now() if timed else 0.0
         try:
             reply = self._caller.ask(payload, limit)
-            self._note(_now() - begun)
-            if reply.status is not _OK and reply.status is not _THROWN:
-                tally.failed += 1
+            if timed:
+                tally.time(begun, _now() - begun)
         except BaseException as exc:
             tally.failed += 1
             if finish:
                 finish(exc)
             raise
         finally:
-            tally.count += 1
             if suspended:
                 self._monitor.resume(suspended)
+        if reply.status is not _OK and reply.status is not _THROWN:
+            tally.failed += 1
         if finish:
             finish(reply)
         return self._call.result(reply)
@@ -344,8 +345,8 @@ class BoundQuery:
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
         limit = self._deadline if deadline is None else _positive(deadline)
         answer = Answer(self._monitor, self._call)
-        payload, begin = self._call.encode(arguments), self._tally.begin
-        finish = begin(self._tally, arguments) if begin else None
+        payload, tally = self._call.encode(arguments), self._tally
+        finish = tally.start(arguments)
         source = self._caller.call(payload, limit)
         source.add_done_callback(partial(self._answered, _now(), finish))
         answer.follow(source)
@@ -356,11 +357,12 @@ class BoundQuery:
             if finish:
                 finish(CancelledError("the caller cancelled it"))
             return
-        self._tally.count += 1
-        if source.exception() is None:
-            self._note(_now() - begun)
+        tally = self._tally
+        tally.count = count = tally.count + 1
+        if source.exception() is None and not count & tally.skips:
+            tally.time(begun, _now() - begun)
         if source.exception() or source.result().status not in (_OK, _THROWN):
-            self._tally.failed += 1
+            tally.failed += 1
         if finish:
             finish(source.exception() or source.result())
 
@@ -370,7 +372,7 @@ class BoundSend:
 
     def __init__(self, call: Call[Any], outlet: Outlet, deadline: float, tally: Tally) -> None:
         self._call, self._encode, self._outlet, self._deadline = call, call.encode, outlet, deadline
-        self._tally, self._note = tally, tally.latest.append
+        self._tally = tally
         self._tells = outlet if isinstance(outlet, SupportsSubscribers) else None
 
     @property
@@ -385,9 +387,10 @@ class BoundSend:
         """`memory` holds the arguments if they were filled in place."""
         limit = self._deadline if deadline is None else _positive(deadline)
         tally = self._tally
-        begin = tally.begin
-        finish = begin(tally, arguments) if begin else None
-        begun = _now()
+        tally.count = count = tally.count + 1
+        timed = not count & tally.skips
+        finish = tally.start(arguments) if timed else None
+        begun = _now() if timed else 0.0
         try:
             if memory and self.lent(memory):
                 memory.send(arguments, limit)
@@ -398,9 +401,8 @@ class BoundSend:
             if finish:
                 finish(exc)
             raise
-        finally:
-            tally.count += 1
-        self._note(_now() - begun)
+        if timed:
+            tally.time(begun, _now() - begun)
         if finish:
             finish(_TAKEN)
 
@@ -478,9 +480,9 @@ class BoundHandler:
     ) -> None:
         self._answering, self._monitor, self._concurrent, self._outside = answering, monitor, concurrent, outside
         self._turn = turn
-        self._tally, self._ran, self._waited = tally, tally.latest.append, tally.waited.append
+        self._tally = tally
         self._takes = 0.0
-        """Seconds that the handler takes: the longest of its latest calls, of which earlier ones count less."""
+        """Seconds that the handler takes: the longest of its latest timed calls, of which earlier ones count less."""
         self._stats = Statistics()
 
     def count_in(self, stats: Statistics) -> None:
@@ -497,19 +499,17 @@ class BoundHandler:
         if self._outside:
             return self._answering.answer(arguments)
         tally = self._tally
-        begin = tally.begin
-        finish = begin(tally, arguments) if begin else None
-        arrived = _now()
+        tally.count = count = tally.count + 1
+        timed = not count & tally.skips
+        finish = tally.start(arguments) if timed else None
+        arrived = _now() if timed else 0.0
         if not self._concurrent and self._monitor.try_enter():
             try:
                 if self._takes > _LONG:
                     about_to_block()
                 reply = self._answering.answer(arguments)
-                took = _now() - arrived
-                self._takes = max(took, _FADES * self._takes)
-                self._ran(took)
-                self._waited(0.0)
-                tally.count += 1
+                if timed:
+                    self._time(arrived, 0.0)
                 if reply.status is not _OK and reply.status is not _THROWN:
                     tally.failed += 1
                 if finish:
@@ -522,16 +522,16 @@ class BoundHandler:
         def job() -> Reply:
             begun = _now()
             reply = Reply(Status.EXPIRED) if begun >= expires else self._answering.answer(arguments)
-            self._ran(_now() - begun)
-            self._waited(begun - arrived)
-            self._count(reply, finish)
+            if timed:
+                self._time(begun, begun - arrived)
+            self._judge(reply, finish)
             return reply
 
         submit = self._monitor.submit_concurrent if self._concurrent else self._monitor.submit
         if submit(job, then=answer.set_result, refused=partial(answer.set_result, Reply(Status.REFUSED))):
             return answer
         refused = Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
-        self._count(refused, finish)
+        self._judge(refused, finish)
         return refused
 
     def receive(self, payload: Payload) -> None:
@@ -540,8 +540,7 @@ class BoundHandler:
         except DecodeError as exc:
             self._count_malformed(exc)
             return
-        begin = self._tally.begin
-        finish = begin(self._tally, arguments) if begin else None
+        finish = self._tally.start(arguments) if self._tally.begin else None
         if self._concurrent:
             self._take_now(arguments, 0.0, finish)
             return
@@ -574,19 +573,23 @@ class BoundHandler:
     def _take_now(self, arguments: tuple[Any, ...], waited: float, finish: Finish | None) -> None:
         if self._takes > _LONG:
             about_to_block()
-        begun, tally = _now(), self._tally
+        tally = self._tally
+        tally.count = count = tally.count + 1
+        timed = not count & tally.skips
+        begun = _now() if timed else 0.0
         if not (is_fine := self._answering.take(arguments)):
             tally.failed += 1
-        took = _now() - begun
-        self._takes = max(took, _FADES * self._takes)
-        self._ran(took)
-        self._waited(waited)
-        tally.count += 1
+        if timed:
+            self._time(begun, waited)
         if finish:
             finish(_TAKEN if is_fine else _FAILED)
 
-    def _count(self, reply: Reply, finish: Finish | None) -> None:
-        self._tally.count += 1
+    def _time(self, begun: float, waited: float) -> None:
+        took = _now() - begun
+        self._takes = max(took, _FADES * self._takes)
+        self._tally.time(begun, took, waited)
+
+    def _judge(self, reply: Reply, finish: Finish | None) -> None:
         if reply.status not in (_OK, _THROWN):
             self._tally.failed += 1
         if finish:

@@ -125,10 +125,10 @@ def milliseconds(seconds: float) -> str:
 
 
 def _operation(now: Measure, before: Measure | None, seconds: float) -> Operation:
-    new = now.count - (before.count if before else 0)
-    if new < 0:
-        before, new = None, now.count
-    latest, waited = np.sort(_newest(now.latest, new)), _newest(now.waited, new)
+    if before and now.count < before.count:
+        before = None
+    new, timed = (now.count - before.count, now.timed - before.timed) if before else (now.count, now.timed)
+    latest, waited = np.sort(_newest(now.latest, timed)), _newest(now.waited, timed)
     return Operation(
         port=now.port,
         verb=now.verb,

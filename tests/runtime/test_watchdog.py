@@ -168,8 +168,7 @@ def served(tallies: Tallies, *times: tuple[float, float]) -> Tally:
     tally = Tally(Port(Verb.IMPLEMENTS, e.EVERYTHING), operation, Pattern.QUERY, route)
     for waited, ran in times:
         tally.count += 1
-        tally.waited.append(waited)
-        tally.latest.append(ran)
+        tally.time(0.0, ran, waited)
     link: Any = object()
     tallies.add(tally, link)
     return tally
@@ -181,6 +180,5 @@ def test_the_load_is_what_was_since_it_was_read_last() -> None:
     assert tallies.take() == (3, 0.375)
     assert tallies.take() == (0, 0.0)
     tally.count += 1
-    tally.waited.append(0.0)
-    tally.latest.append(0.05)
+    tally.time(0.0, 0.05, 0.0)
     assert tallies.take() == (1, 0.05)

@@ -12,7 +12,7 @@ from robocomp_py.tools.measure import load, milliseconds, percentile
 
 
 def operation(count: int, latest: list[float], **others: int) -> Measure:
-    made = Measure("Laser", "implements", "read", "world/Laser/read", "shm", count)
+    made = Measure("Laser", "implements", "read", "world/Laser/read", "shm", count, timed=count)
     made.latest = np.array(latest, np.float32)
     for name, value in others.items():
         setattr(made, name, value)
@@ -36,6 +36,12 @@ def test_durations_are_those_between_the_two_answers() -> None:
     (one,) = found.operations
     assert (one.p50, one.longest) == (0.25, 0.5)
     assert math.isnan(one.waited)
+
+
+def test_of_frequent_calls_the_timed_ones_between_the_two_answers_count() -> None:
+    before, now = operation(6400, [9.0, 9.0], timed=100), operation(6528, [9.0, 0.5, 0.25], timed=102)
+    (one,) = load("world", told(2.0, now), told(1.0, before)).operations
+    assert (one.rate, one.p50, one.longest) == (128.0, 0.25, 0.5)
 
 
 def test_the_first_answer_counts_since_the_start() -> None:
