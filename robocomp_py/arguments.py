@@ -12,6 +12,11 @@ from .spelling import closest, enumerated
 
 
 class Parser(argparse.ArgumentParser):
+    """Unlike its base, it keeps the lines of descriptions and epilogs by default; so do its subparsers."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"formatter_class": argparse.RawDescriptionHelpFormatter} | options)
+
     def parse_known_args(  # type: ignore[override]  # of its overloads, which differ only in the namespace
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:

@@ -70,7 +70,6 @@ _CANCELLING = 5.0
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Begin, watch and cancel goals of actions that components offer."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     commands = to.add_subparsers(dest="does", metavar="list|info|send|cancel", required=True)
     listing = commands.add_parser("list", help="list the actions that are offered now")
     info = commands.add_parser("info", help="show the types of an action, and the goals that its server knows")

@@ -44,7 +44,6 @@ new folder.
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Look into recordings, and make new ones of them."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     commands = to.add_subparsers(dest="does", metavar="info|mend|merge|cut|convert", required=True)
     made = {
         name: commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.", epilog=_EXIT_STATUS)

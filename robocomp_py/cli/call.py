@@ -53,7 +53,6 @@ The answer is printed as JSON. A declared exception is printed with its fields, 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Call a query of a running component and print its answer, or send it a command."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     operation = to.add_argument(
         "operation", metavar="NAME", help="world/Laser/getLaserData, or an unambiguous part of such a name"
     )

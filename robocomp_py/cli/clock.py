@@ -48,7 +48,6 @@ A network follows a clock if its file says `clock world;`, or with `rcdeploy --c
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show, pause and drive the clock that the components of a running network follow."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
 
     def command(name: str, about: str) -> argparse.ArgumentParser:

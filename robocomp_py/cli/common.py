@@ -166,9 +166,7 @@ def _is_somewhere() -> bool:
 
 
 def parser(name: str, description: str, epilog: str = "") -> Parser:
-    made = Parser(
-        prog=name, description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    made = Parser(prog=name, description=description, epilog=epilog)
     add_version(made, name)
     return made
 

@@ -68,7 +68,6 @@ _SCRIPTS = {"bash": _BASH, "zsh": _ZSH, "fish": _FISH}
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Print the script by which a shell completes the command lines of rc, rcgen and rcdeploy."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("shell", choices=tuple(_SCRIPTS), metavar="SHELL", help=", ".join(_SCRIPTS))
 
 

@@ -45,7 +45,6 @@ signal
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Look for what is wrong with this machine, and with the components that run on it."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "a network, by its DDSL file or by its name if it runs"
     completed(to.add_argument("network", nargs="?", metavar="NET", help=about), What.NETWORK)
     check = to.add_argument(

@@ -54,7 +54,6 @@ Long sequences are cut, unless --full, --csv or --json is given. No publisher wa
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Print the messages of topics, or calls of operations, as they come, until Ctrl-C."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--calls", action="store_true", help="print calls of queries and commands instead")
     to.add_argument("--served", action="store_true", help="with --calls: as servers report them, not clients")
     to.add_argument(

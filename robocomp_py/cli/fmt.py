@@ -35,7 +35,6 @@ _STDIN = Path("<stdin>")
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     files = to.add_argument(
         "files", nargs="+", metavar="FILE", help="a file, a folder with everything below it, or - for stdin"
     )

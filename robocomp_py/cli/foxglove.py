@@ -48,7 +48,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "Foxglove's panels draw them. No publisher waits for this command."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording: a folder, or *.mcap")
     completed(names, What.TOPIC)
     about = "only topics of a network that rcdeploy runs here, by its name or file, on all its hosts"

@@ -45,7 +45,6 @@ _PIXELS = 2
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Draw a network, or a state machine.", _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "network (.ddsl) or state machine (.smdsl, .scxml)"
     completed(to.add_argument("file", type=Path, metavar="FILE", help=about), What.NETWORK, ".ddsl", ".smdsl", ".scxml")
     to.add_argument("--live", action="store_true", help="what runs, beside what the network FILE declares")

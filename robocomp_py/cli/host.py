@@ -29,7 +29,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "networks; use this command for components that are started in another way."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "the middleware, any that is installed; the command ends at once if it needs no helper"
     completed(to.add_argument("middleware", metavar="MIDDLEWARE", help=about), What.MIDDLEWARE)
     to.add_argument(

@@ -40,7 +40,6 @@ _USES = {"publish": "subscribed by", "query": "called by", "command": "sent by"}
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show the operation, its types, and the processes on both sides, as they announce them."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("name", metavar="NAME", help=TOPIC), What.CHANNEL)
     add_waiting(to)
     add_hosts(to)

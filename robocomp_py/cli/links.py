@@ -36,7 +36,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "process, shared memory on one host, else a middleware."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     add_network(to)
     to.add_argument("--json", action="store_true", help="one link a line, for machines")
 

@@ -39,7 +39,6 @@ exit status: 0 fine or warnings only, 1 an error, 2 usage
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument(
         "files",
         nargs="*",

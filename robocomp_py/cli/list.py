@@ -40,7 +40,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "Components that share one process and use no middleware are not seen."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--channels", action="store_true", help="list channels instead of components")
     for name in _KINDS:
         to.add_argument(f"--{name}", action="store_true", help=f"list {name} instead of components")

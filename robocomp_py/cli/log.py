@@ -43,7 +43,6 @@ Components that share a process share their loggers. `rcdeploy logs` shows the l
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Set the level from which on a component logs, until it ends."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("component", metavar="COMPONENT", help=COMPONENT), What.COMPONENT)
     to.add_argument("level", choices=LEVELS, metavar="LEVEL", help=", ".join(LEVELS))
     to.add_argument("--logger", default="", metavar="NAME", help="only this logger (default: all)")

@@ -68,7 +68,6 @@ _WAITING = 1000
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show the log records of running components, in the order of their times."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "robot1/wander, or its last part (default: all)"
     completed(to.add_argument("components", nargs="*", metavar="COMPONENT", help=about), What.COMPONENT)
     to.add_argument("-f", "--follow", action="store_true", help="also print new records as they come, until Ctrl-C")

@@ -28,7 +28,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "The language server for all the languages. Editors start it: docs/guides/editors.md says how, for each."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("--stdio", action="store_true", help="talk over stdin and stdout, as it does anyway")
 
 

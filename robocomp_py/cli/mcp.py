@@ -49,7 +49,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "its topics, and use the operations that the network lists with `allow`."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(
         to.add_argument("network", metavar="NET", help="a running network, by its name or its file"), What.NETWORK
     )

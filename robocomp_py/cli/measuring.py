@@ -29,7 +29,6 @@ Figures = Callable[["Channel", "Traffic", bool], Mapping[str, object]]
 def add_measured(to: argparse.ArgumentParser, what: str, epilog: str) -> None:
     to.description = f"Measure {what}, until Ctrl-C. Messages are not decoded."
     to.epilog = epilog
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument(
         "--window", type=count, default=100, metavar="COUNT", help="the last messages that count (default: 100)"
     )

@@ -45,7 +45,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "Thick: failing, losing messages, or near a deadline."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "a network, by its DDSL file or by its name if it runs"
     completed(to.add_argument("network", nargs="?", metavar="NET", help=about), What.NETWORK)
     to.add_argument("--port", type=port, default=0, help="where to listen on 127.0.0.1 (default: any free port)")

@@ -55,7 +55,6 @@ Only dynamic parameters can be changed while a component runs.
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show and change parameters. Each component checks a change itself, as it does its configuration."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
 
     def command(name: str, about: str, component: str | None = None) -> argparse.ArgumentParser:

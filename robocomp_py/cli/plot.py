@@ -38,7 +38,6 @@ exit status: 0 done, 1 the recording is broken or has nothing to draw, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Draw numbers of recorded messages over time, or histograms of latencies."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     recording = to.add_argument(
         "recording", type=Path, metavar="RECORDING", help="a folder of `rc record`, or a file *.mcap"
     )

@@ -47,7 +47,6 @@ The messages appear as those of the instance in the name of the topic.
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Publish a message to a topic, once it has a subscriber."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("topic", metavar="NAME", help=TOPIC), What.TOPIC)
     add_request(to)
     to.add_argument("--rate", type=positive, metavar="HZ", help="publish so often a second, until Ctrl-C or -n")

@@ -71,7 +71,6 @@ _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "s": 1.0, "min": 60.0, "h": 3600.0}
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Record topics into a folder with MCAP files, until Ctrl-C."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("topics", nargs="*", metavar="NAME", help=TOPIC), What.TOPIC)
     to.add_argument("-o", dest="folder", type=Path, metavar="FOLDER", help="a new folder (default: recording-TIME)")
     to.add_argument(

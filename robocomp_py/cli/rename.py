@@ -50,7 +50,6 @@ exit status: 0 renamed, 1 nothing was changed, 2 usage
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = _ABOUT, _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     model = to.add_argument("file", type=Path, metavar="FILE", help="the model that defines it")
     completed(model, ".idsl", ".cdsl", ".ddsl", ".pdsl", ".smdsl")
     to.add_argument("old", metavar="NAME", help="its present name, such as `size`, or `Vault.size` if several have it")

@@ -76,7 +76,6 @@ lock-step, the components do the same at the same instants each time.
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Publish the topics of a recording again, as they were in time."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     about = "a folder of `rc record`, or a file *.mcap"
     completed(to.add_argument("recording", type=Path, metavar="RECORDING", help=about), ".mcap")
     about = f"2 is twice as fast (default: 1); {MAX}, with --clock in lock-step: as fast as possible"

@@ -47,7 +47,6 @@ _HASH_SEED = "PYTHONHASHSEED"
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Run the code of a component again, against its diary, and compare what goes out."
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     folder = to.add_argument("component", type=Path, metavar="COMPONENT", help="the folder of the component")
     completed(folder, What.FOLDER)
     about = "a file that `rcdeploy --diary` has written"

@@ -50,7 +50,6 @@ def split(arguments: Sequence[str]) -> list[list[str]]:
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Run one component, in the foreground; rcdeploy runs networks of them.", _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("folder", type=Path, metavar="DIR", nargs="?", help="the component's folder, or its .cdsl")
     for name, value, what in _COMPONENT_OPTIONS:
         to.add_argument(name, metavar=value, action="append", type=partial(_again, name), dest="passed", help=what)

@@ -45,7 +45,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "Write a component that simulates a scene, print what a network has to declare of it, show and edit it."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
     new = actions.add_parser("new", help="write a component", description="Write a component that simulates a scene.")
     new.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it stays where it is")

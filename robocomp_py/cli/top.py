@@ -47,7 +47,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "They answer this themselves, so that a component of RoboComp or of another language is not shown."
     )
     to.epilog = _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     completed(to.add_argument("components", nargs="*", metavar="COMPONENT", help=COMPONENT), What.COMPONENT)
     to.add_argument("--once", action="store_true", help="print one table and end")
     to.add_argument("--all", action="store_true", help="also operations that nothing uses")

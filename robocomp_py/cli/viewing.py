@@ -36,7 +36,7 @@ VIEW_HELP = "show a scene in the browser, from a file or as it runs"
 
 def add_view(to: argparse.ArgumentParser) -> None:
     to.description = "Serve a page that shows a scene: of a file, or of a component that runs. It changes nothing."
-    to.epilog, to.formatter_class = _EXAMPLES, argparse.RawDescriptionHelpFormatter
+    to.epilog = _EXAMPLES
     what = to.add_argument("scene", nargs="?", default="", metavar="FILE.xml|NETWORK", help="a file, or what runs")
     completed(what, What.NETWORK)
     to.add_argument("--component", default="", metavar="NAME", help="which one, if several of a network have a scene")
@@ -65,7 +65,7 @@ exit status: 0 done, 1 the scene is wrong or the port is taken, 2 usage, 130/143
 
 def add_edit(to: argparse.ArgumentParser) -> None:
     to.description = "Serve a page on which a scene is edited: positions, attributes, planes and meshes."
-    to.epilog, to.formatter_class = _EDIT_EXAMPLES, argparse.RawDescriptionHelpFormatter
+    to.epilog = _EDIT_EXAMPLES
     to.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it has to exist")
     add_port(to)
 

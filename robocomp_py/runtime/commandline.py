@@ -47,6 +47,7 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
         epilog="Every key of the configuration can be set with --set component.period=0.02 --set params.NAME=VALUE, or "
         "in the environment with ROBOCOMP__COMPONENT__PERIOD=0.02. The command line overrides the environment, which "
         "overrides the file.",
+        formatter_class=argparse.HelpFormatter,
     )
     parser.add_argument(
         "--config",

@@ -25,7 +25,6 @@ exit status: 0 fine, 1 refused, 2 usage, 3 the host cannot be reached
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description, to.epilog = "Show the SSH key of a host, ask, and save it.", _EXAMPLES
-    to.formatter_class = argparse.RawDescriptionHelpFormatter
     to.add_argument("host", metavar="HOST", help="[USER@]ADDRESS[:PORT]")
     given = to.add_mutually_exclusive_group()
     given.add_argument("--yes", action="store_true", help="do not ask")
