@@ -160,13 +160,9 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
             time.sleep(_LOOK)
 
 
-def awaited_topics(options: argparse.Namespace, hosts: Hosts | None = None) -> list[Channel]:
+def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
     """The published topics that the arguments of `add_topics` name. Raises Absent."""
-
-    def pick(network: Network) -> list[Channel]:
-        return topics_of(network, options.topics)
-
-    return awaited(options, pick, hosts)
+    return awaited(options, lambda network: topics_of(network, options.topics), hosts)
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:

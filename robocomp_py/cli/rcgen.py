@@ -153,7 +153,8 @@ def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> 
     for path, text in amended.items():
         _amend(path, text)
     progress.erase()
-    is_fine = (_tell_as_json if options.json else _tell)(jobs, changes, amended) and not warnings
+    told = _tell_as_json(jobs, changes) if options.json else _tell(jobs, changes, amended)
+    is_fine = told and not warnings
     if is_fine:
         components = [each for job in jobs if (each := _up_to_date(job))]
         if len(components) == len(jobs):
@@ -425,7 +426,7 @@ def _line(name: str, done: str, root: Path | str, middleware: str, is_as_before:
     return f"{name}: {done or 'up to date'} in {root}/ ({middleware}{', as before' if is_as_before else ''})"
 
 
-def _tell_as_json(jobs: list[_Job], changed: list[Changes], amended: Collection[Path]) -> bool:
+def _tell_as_json(jobs: list[_Job], changed: list[Changes]) -> bool:
     """The same for machines."""
     from ..usercode.check import as_warnings
 

@@ -121,7 +121,7 @@ def with_clock(model: Deployment, overrides: Overrides, report: Report) -> Deplo
     return model if report.errors else changed
 
 
-def clock_of(model: Deployment, instance: Instance, speed: float | None = None) -> Iterator[str]:
+def clock_of(model: Deployment, instance: Instance, speed: float | None) -> Iterator[str]:
     """What a clock means for an instance, as assignments to its configuration."""
     if model.clock is None or instance.program:
         return

@@ -107,7 +107,6 @@ async def run_plan(
     display: Display,
     services: Sequence[Service] = (),
     agents: Agents = agents_of,
-    clock: Callable[[], float] = time.monotonic,
     chance: Callable[[], float] = random.random,
 ) -> int:
     """Start a network, watch it, stop it.
@@ -115,7 +114,7 @@ async def run_plan(
     Returns the exit code: 0; 1 if a process failed and was not restarted; 3 if a host was out of reach; or 128 + the
     signal that stopped it.
     """
-    return await _Run(plan, options, display, agents, clock, chance).run(services)
+    return await _Run(plan, options, display, agents, chance).run(services)
 
 
 class _Run(Listener, Network):
@@ -125,11 +124,10 @@ class _Run(Listener, Network):
         options: Options,
         display: Display,
         agents: Agents,
-        clock: Callable[[], float],
         chance: Callable[[], float],
     ) -> None:
         self._plan, self._options, self._display = plan, options, display
-        self._clock, self._chance = clock, chance
+        self._chance = chance
         self._processes = {process.name: process for process in plan.processes}
         self._supervisor = Supervisor(children(plan, options.grace), options.until, plan.escalations)
         self._teller = Teller(plan, options.until, self._supervisor, display)
@@ -142,7 +140,7 @@ class _Run(Listener, Network):
         self._contracts: dict[str, Mapping[str, str]] = {name: each.operations for name, each in plan.ours.items()}
         """By instance: that of the plan, until the instance has reported its own."""
         self._meter = Meter()
-        self._began = clock()
+        self._began = time.monotonic()
         self._was_up = False
         self._reminders = 0
         self._reminded: list[str] = []
@@ -243,7 +241,7 @@ class _Run(Listener, Network):
         return code
 
     async def _loop(self) -> int:
-        actions = self._supervisor.begin(self._clock())
+        actions = self._supervisor.begin(time.monotonic())
         while True:
             for action in actions:
                 if isinstance(action, Finish):
@@ -257,7 +255,7 @@ class _Run(Listener, Network):
     async def _event(self) -> Event:
         wake = self._supervisor.wake
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(None if wake is None else max(0.0, wake - self._clock())):
+            async with asyncio.timeout(None if wake is None else max(0.0, wake - time.monotonic())):
                 return await self._events.get()
         return Tick()
 
@@ -281,7 +279,7 @@ class _Run(Listener, Network):
         """Let the policy decide, and report its decision."""
         supervisor = self._supervisor
         before, was_stopping = supervisor.states, supervisor.stopping
-        actions = supervisor.handle(event, self._clock(), self._chance())
+        actions = supervisor.handle(event, time.monotonic(), self._chance())
         self._teller.tell(event, before, was_stopping, actions)
         if supervisor.stopping and not was_stopping:
             notify("STOPPING=1")
@@ -409,7 +407,7 @@ class _Run(Listener, Network):
         self._later("measure", MEASURE, self._measure)
 
     def snapshot(self) -> Snapshot:
-        supervisor, now = self._supervisor, self._clock()
+        supervisor, now = self._supervisor, time.monotonic()
         usage = {name: used for each in self._commands.values() for name, used in each.agent.usage().items()}
         hosts = tuple(
             HostStatus(

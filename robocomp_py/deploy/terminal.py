@@ -50,9 +50,7 @@ _MANY = 1000
 """Lines that are shown at once, whenever they come."""
 
 
-def run_on_terminal(
-    plan: Plan, options: Options, leave: Callable[[Path], object] | None = None, logs: Logs | None = None
-) -> int:
+def run_on_terminal(plan: Plan, options: Options, leave: Callable[[Path], object] | None, logs: Logs) -> int:
     """Run a network, showing it on standard output for as long as that can be written. Returns the exit code.
 
     `logs` keep what the components print. `leave` is called when everything is ready, if nothing is to be shown from
@@ -67,8 +65,7 @@ def run_on_terminal(
         height=size.lines if size and leave else None,
     )
     terminal = Terminal(plan, console, leave)
-    if logs:
-        terminal.keep(logs)
+    terminal.keep(logs)
     with terminal.showing_warnings():
         return run(plan, options, terminal, [terminal.watching])
 

@@ -212,8 +212,8 @@ class _Drawing:
                 yield _text(_label(transition), x, y + 3.5)
         for transition, down in area.lanes:
             yield from self._lane(transition, area.corner[1] + down)
-        for number, transition in enumerate(area.loop):
-            yield from _loop(area, transition, number)
+        for transition in area.loop:
+            yield from _loop(area, transition)
         for transition in self._within.get(area.state.name, []):
             if area.state.name in _ends(transition) and transition not in area.loop:
                 yield from self._inward(area, transition)
@@ -305,7 +305,7 @@ def _path(points: list[Point], transition: Transition | None) -> str:
     return f'<path d="{curve(points)}" marker-end="url(#tip)">{title}</path>'
 
 
-def _loop(area: _Area, transition: Transition, number: int) -> Iterator[str]:
+def _loop(area: _Area, transition: Transition) -> Iterator[str]:
     """The arrow of a state to itself: at its right."""
     x, y, height = area.corner[0] + area.size[0], area.corner[1] + (_TITLE / 2 if area.state.states else 0), _BOX
     top, bottom, out = y + height * 0.25, y + height * 0.75, x + _LOOP

@@ -360,7 +360,7 @@ def _allowable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
     if written and not written.endswith("/"):
         return
     inside = place.heads[-1:] == ["component"]
-    for prefix, ports in [("", _ports(place, symbols))] if inside else _served(place, symbols):
+    for prefix, ports in [("", _ports(place, symbols))] if inside else _served(symbols):
         for port in ports:
             verb, interface, *each = port.split()
             if verb not in (Verb.IMPLEMENTS, Verb.SUBSCRIBES) or each:
@@ -370,7 +370,7 @@ def _allowable(place: _Place, symbols: list[Symbol]) -> Iterator[Candidate]:
                     yield replace(_symbol(symbol), label=path.removeprefix(written))
 
 
-def _served(place: _Place, symbols: list[Symbol]) -> Iterator[tuple[str, list[str]]]:
+def _served(symbols: list[Symbol]) -> Iterator[tuple[str, list[str]]]:
     """The ports of each instance of the network, with the beginning of their paths."""
     components = {each.name.text.lower(): each for each in _of(symbols, Kind.COMPONENT)}
     for each in _of(symbols, Kind.INSTANCE):

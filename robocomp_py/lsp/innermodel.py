@@ -70,11 +70,11 @@ def complete(source: Source, offset: int) -> list[Candidate]:
     if written:
         around = [each for each in found if each.is_complete and each.tag_end <= offset <= each.end]
         over = source.span(offset - len(written[1]), offset)
-        return [Candidate(f"{each.name.text}>", "word", over=over) for each in _still_open(around, text, offset)]
+        return [Candidate(f"{each.name.text}>", "word", over=over) for each in _still_open(around, text)]
     return []
 
 
-def _still_open(around: list[Element], text: str, offset: int) -> list[Element]:
+def _still_open(around: list[Element], text: str) -> list[Element]:
     """The innermost element that a place is in."""
     inside = [each for each in around if not text.endswith("/>", 0, each.tag_end)]
     return inside[-1:]

@@ -67,11 +67,9 @@ class Budget:
 class Retrying:
     """A `Caller` that wraps another one and retries its calls."""
 
-    def __init__(
-        self, caller: Caller, budget: Budget | None = None, ending: Callable[[], bool] = lambda: False
-    ) -> None:
+    def __init__(self, caller: Caller, ending: Callable[[], bool] = lambda: False) -> None:
         """`ending` says whether the component is stopping, so that waiting for a server makes no sense."""
-        self._caller, self._budget, self._ending = caller, budget or Budget(), ending
+        self._caller, self._budget, self._ending = caller, Budget(), ending
         self._numbering = caller if isinstance(caller, SupportsQuestion) else None
         self.wait_peer = caller.wait_peer
         self._pool: Pool | None = None

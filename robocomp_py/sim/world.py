@@ -180,14 +180,6 @@ class World(Motion, Touching):
         """The nodes with the parameter `suction`."""
         return list(self._scene.grippers)
 
-    @property
-    def imus(self) -> list[str]:
-        return list(self._imus)
-
-    @property
-    def touch_sensors(self) -> list[str]:
-        return list(self._touches)
-
     # What robots are told.
 
     def drive(self, base: str, ahead: float = 0.0, aside: float = 0.0, turn: float = 0.0) -> None:

@@ -47,7 +47,7 @@ import numpy as np
 import pytest
 
 from ..contract.component import Port
-from ..contract.interface import Interface, Operation, Pattern, Verb
+from ..contract.interface import Operation, Pattern, Verb
 from ..contract.qos import Durability, QoS, Reliability
 from ..errors import (
     AlreadyServed,
@@ -1608,12 +1608,12 @@ class _Onward(_Handlers):
 class _Served:
     """Handlers behind a transport, under a monitor of their own."""
 
-    def __init__(self, transport: Transport, name: str, handlers: Any, interface: Interface = e.EVERYTHING) -> None:
+    def __init__(self, transport: Transport, name: str, handlers: Any) -> None:
         self.monitor = Monitor("served")
         self.monitor.open()
         self.handlers = handlers
-        self._operations = [operation for operation, _ in interface.under(Verb.IMPLEMENTS)]
-        self._port = Port(Verb.IMPLEMENTS, interface)
+        self._operations = [operation for operation, _ in e.EVERYTHING.under(Verb.IMPLEMENTS)]
+        self._port = Port(Verb.IMPLEMENTS, e.EVERYTHING)
         self._route = _router(transport, name)
         self._links: list[Link] = []
 

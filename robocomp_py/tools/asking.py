@@ -68,9 +68,7 @@ def prepare(access: Access, network: Network, components: Iterable[str], *operat
     access.keep([each for each in found if each])
 
 
-def measure_all(
-    access: Access, network: Network, instances: Iterable[str], deadline: float = DEADLINE
-) -> dict[str, Measures]:
+def measure_all(access: Access, network: Network, instances: Iterable[str], deadline: float) -> dict[str, Measures]:
     """What components have counted, by their whole names: those that tell. At most `AT_ONCE` silent ones cost no more
     than one deadline."""
     names = list(instances)
@@ -80,9 +78,7 @@ def measure_all(
         return {name: told for name, told in zip(names, found, strict=True) if told is not None}
 
 
-def set_log_level(
-    access: Access, network: Network, component: str, logger: str, level: str, deadline: float = DEADLINE
-) -> None:
+def set_log_level(access: Access, network: Network, component: str, logger: str, level: str, deadline: float) -> None:
     """Set the level of a logger of a component until it ends; `""` is that of all.
 
     Raises RemoteFailure with the component's reason, Unreachable, and what any call raises.
@@ -125,14 +121,14 @@ def about(access: Access, network: Network, channel: Channel, deadline: float = 
     return None
 
 
-def publishers_are_here(access: Access, network: Network, channel: Channel, deadline: float = DEADLINE) -> bool:
+def publishers_are_here(access: Access, network: Network, channel: Channel) -> bool:
     """Whether all publishers of a topic are known to be on this host, so that both sides have one clock."""
     if deployment_of(channel.middlewares[0]).directory:
         return True  # it lists processes of this host only
     known = components(network)
     for end in channel.providers[:_MOST]:
         named = [name for name in known if name == end.told.owner or name.endswith(f"/{end.told.owner}")]
-        told = describe(access, network, named[0], deadline) if len(named) == 1 else None
+        told = describe(access, network, named[0]) if len(named) == 1 else None
         if told is None or told.host != platform.node():
             return False
     return len(channel.providers) <= _MOST

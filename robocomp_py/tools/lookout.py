@@ -110,8 +110,8 @@ class Rounds:
         return {name: Told(each, loads.get(name), self._abouts[name]) for name, each in self._loads.items()}
 
 
-def seen_twice(lookout: Lookout, seconds: float = 1.0) -> Look:
-    """Look twice, and return the second look: its rates are those of the seconds between."""
+def seen_twice(lookout: Lookout) -> Look:
+    """Look twice, and return the second look: its rates are those of the second between."""
     lookout.look()
-    time.sleep(seconds)
+    time.sleep(1.0)
     return lookout.look()

@@ -15,7 +15,7 @@ CENSUS_TIMEOUT = 20.0
 """Seconds in which a scout starts and tells what runs on its host."""
 
 
-def survey(posts: Sequence[Post], middlewares: Sequence[str] = ()) -> tuple[Seen, dict[str, str]]:
+def survey(posts: Sequence[Post], middlewares: Sequence[str]) -> tuple[Seen, dict[str, str]]:
     """What scouts tell of their hosts, all at a time; and why a host could not be asked, by its name."""
     seen = Seen()
     answers, lost = ask_all(posts, "census", CENSUS_TIMEOUT, middlewares=list(middlewares))

@@ -22,7 +22,7 @@ class NotOurs(Exception):
     """A folder cannot be used. The text names the obstacle, its owner and the remedy."""
 
 
-def make_private(folder: Path, below: tuple[str, ...] = ()) -> None:
+def make_private(folder: Path, below: tuple[str, ...]) -> None:
     """Make a folder with mode 0700 if it is missing, and check it. Also check its subfolder `below`, if that exists.
 
     A missing subfolder is not made: only our user (and root) can make it afterwards.

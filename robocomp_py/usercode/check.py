@@ -170,7 +170,7 @@ class _Checker:
         missing = [each for each in self._wanted if self._worker.find(each.name) is None]
         uncalled = self._uncalled()
         for clause in dict.fromkeys(each.clause for each in missing):
-            yield self._lacks(clause, [each for each in missing if each.clause == clause], uncalled)
+            yield self._lacks(clause, [each for each in missing if each.clause == clause])
         for method in uncalled:
             yield self._report_uncalled(method, [each.name for each in missing])
 
@@ -195,7 +195,7 @@ class _Checker:
         """A place in the model, with what it is."""
         return ((text, self._clauses[clause][1]),) if clause in self._clauses else ()
 
-    def _lacks(self, clause: int, missing: Sequence[Wanted], uncalled: Sequence[Method]) -> Diagnostic:
+    def _lacks(self, clause: int, missing: Sequence[Wanted]) -> Diagnostic:
         names = [each.name for each in missing]
         text, _ = self._clauses.get(clause, ("", None))
         asked = f", which `{text}` asks for" if text else ""

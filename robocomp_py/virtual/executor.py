@@ -80,9 +80,8 @@ class Pause:
 class Executor:
     """Safe to use only from its events, and from the thread that calls `run`, while `run` is not running."""
 
-    def __init__(self, start: int = 0) -> None:
-        """`start` is the first instant, in ns."""
-        self.now = start
+    def __init__(self) -> None:
+        self.now = 0
         """The present instant, in ns."""
         self.events = 0
         """Number of events so far."""
@@ -94,7 +93,7 @@ class Executor:
         self._stepping: list[Stepped] = []
         """Those in the middle of a step."""
         self._until: Callable[[], object] = bool
-        self._end = start
+        self._end = 0
         self._idle: list[threading.Lock] = []
         """What lets the threads without an event go on."""
         self._waiting: list[Pause] = []

@@ -35,14 +35,14 @@ def compose(plan: Plan, network: str) -> Export:
     all_sites = sites_of(plan, lambda host: INSIDE)
     for site in all_sites:
         copies.update(site.copies())
-        files[site.folder / "compose.yaml"] = heading("A network", network) + as_yaml(_project(plan, site, project))
-        files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
+        files[site.folder / "compose.yaml"] = heading("A network", network) + as_yaml(_project(site, project))
+        files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile()
         if site.keys:
             files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites)))
 
 
-def _project(plan: Plan, site: Site, project: str) -> dict[str, Any]:
+def _project(site: Site, project: str) -> dict[str, Any]:
     names = unique((each.name for each in site.processes), _NAME)
     return {
         "name": project,

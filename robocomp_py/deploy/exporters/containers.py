@@ -8,7 +8,6 @@ from typing import Any
 import yaml
 
 from ... import __version__
-from ..plan import Plan
 from .base import APP, RUNTIME, USER
 
 READY = "/tmp/ready"
@@ -18,7 +17,7 @@ INSIDE = f"/{APP}"
 """The folder of the components."""
 
 
-def dockerfile(plan: Plan) -> str:
+def dockerfile() -> str:
     """An image with all that the components of one machine need."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     return f"""

@@ -43,7 +43,7 @@ def kubernetes(plan: Plan, network: str) -> Export:
         copies.update(site.copies())
         manifest = heading("A network", network) + as_yaml(_deployment(plan, site))
         files[site.folder / f"{_called(plan, site)}.yaml"] = manifest
-        files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile(plan)
+        files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile()
         if site.keys:
             files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
     return Export(files, copies, told_once(_notes(plan)), tuple(_steps(plan, all_sites)))

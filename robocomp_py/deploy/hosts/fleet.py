@@ -20,15 +20,14 @@ if TYPE_CHECKING:
     from .remote import Share
 
 
-def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None] | None = None) -> dict[str, Agent]:
+def remote_agents(plan: Plan, listener: Listener, note: Callable[[str], None]) -> dict[str, Agent]:
     """By host. Raises DeploymentError if the packages for SSH are missing. `note` is called with progress."""
     if not plan.hosts:
         return {}
     check_ssh()
     from .remote import RemoteAgent
 
-    told: dict[str, Any] = {"note": note} if note else {}
-    return {host.name: RemoteAgent(host, share_of(plan, host), listener, **told) for host in plan.hosts}
+    return {host.name: RemoteAgent(host, share_of(plan, host), listener, note=note) for host in plan.hosts}
 
 
 def keeping(path: Path) -> tuple[str, dict[str, Host]] | None:

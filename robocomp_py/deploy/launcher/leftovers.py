@@ -57,14 +57,14 @@ class Leftovers:
             cgroups.end(Path(self.cgroup))
         return len(found)
 
-    def until_waited_for(self, within: float = 5.0) -> None:
-        """Wait until their parents have reaped them: a zombie counts as having its files open."""
+    def until_waited_for(self) -> None:
+        """Wait, at most 5 s, until their parents have reaped them: a zombie counts as having its files open."""
 
         def is_there(pid: int, started: int) -> bool:
             trace = traces.look(pid)
             return trace is not None and trace.started == started
 
-        _until(lambda: not any(is_there(*each) for each in self.processes.items()), within)
+        _until(lambda: not any(is_there(*each) for each in self.processes.items()), 5.0)
 
 
 class Record:

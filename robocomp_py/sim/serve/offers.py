@@ -70,7 +70,7 @@ def offers(tree: Tree, lidars: Collection[str] = ()) -> dict[str, tuple[str, ...
     return found | {name: (*found.get(name, ()), *MOTORS) for name in motors(tree)}
 
 
-def at_ports(tree: Tree, lidars: Collection[str] = ()) -> dict[str, tuple[tuple[str, ...], int]]:
+def at_ports(tree: Tree, lidars: Collection[str]) -> dict[str, tuple[tuple[str, ...], int]]:
     """The interfaces and the port of each instance, as RoboComp's programs find them: one interface at a port.
 
     Instances without a port, which is 0 then, have all their interfaces. Raises InnerModelError for a port that two

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class Bounds:
 class Rate:
     """At most `most` in any minute. Not thread-safe."""
 
-    def __init__(self, most: int, what: str, clock: Callable[[], float]) -> None:
+    def __init__(self, most: int, what: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._most, self._what, self._clock = most, what, clock
         self._times: deque[float] = deque(maxlen=most)
 

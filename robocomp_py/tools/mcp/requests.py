@@ -57,15 +57,14 @@ class Requests:
         write: Callable[[str, str], object],
         begin: Begin,
         bounds: Bounds | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`census` tells what runs now; `write` gets a level and a line for the log, from any thread."""
         self._access, self._census, self._permissions = access, census, permissions
-        self._write, self.bounds, self._clock = write, bounds or Bounds(), clock
+        self._write, self.bounds = write, bounds or Bounds()
         self._goals = Goals(begin, write, self.bounds)
         self._lock = threading.Lock()
-        self._calls = Rate(self.bounds.calls_a_minute, "calls", clock)
-        self._reads = Rate(self.bounds.reads_a_minute, "requests", clock)
+        self._calls = Rate(self.bounds.calls_a_minute, "calls")
+        self._reads = Rate(self.bounds.reads_a_minute, "requests")
         self._known: dict[str, Callable[[Mapping[str, Any]], Any]] = {
             "list_components": self._list_components,
             "list_channels": self._list_channels,
@@ -91,7 +90,7 @@ class Requests:
 
     def answer(self, request: str, arguments: Mapping[str, Any]) -> Answer:
         """The answer to a request, within the bounds. Raises nothing that an agent or the network can cause."""
-        begun = self._clock()
+        begun = time.monotonic()
         try:
             answer = Answer(self._answered(request, arguments))
         except Refused as exc:
@@ -99,7 +98,7 @@ class Requests:
         except (RobocompError, ValueError) as exc:
             answer = Answer(printable(str(exc)) or type(exc).__name__, failed=True)
         result = f"failed: {answer.text[:_LOGGED]}" if answer.failed else "answered"
-        took = self._clock() - begun
+        took = time.monotonic() - begun
         self._write("WARNING" if answer.failed else "INFO", f"{_line(request, arguments)}: {result} ({took:.3f} s)")
         return answer
 
@@ -186,7 +185,7 @@ class Requests:
         name = _one([*channels, *actions, *(each for each in hearing if each not in channels)], arguments, "name")
         action = actions.get(name)
         channel = action.start if action else channels.get(name) or hearing[name][0]
-        told = asking.about(self._access, network, channel, asking.DEADLINE)
+        told = asking.about(self._access, network, channel)
         comments = {each.about or "operation": " ".join(each.text.split()) for each in told.comments} if told else {}
         found: dict[str, Any] = {"channel": name, "kind": _ACTION if action else _KINDS[channel.pattern]}
         try:

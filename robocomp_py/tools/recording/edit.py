@@ -68,7 +68,7 @@ def _ours(topic: RecordedTopic) -> Topic:
     return Topic(topic.name, topic.operation, topic.publisher, topic.middleware, topic.qos)
 
 
-def write_csv(recording: Recording, folder: Path, names: Collection[str] | None = None) -> dict[Path, int]:
+def write_csv(recording: Recording, folder: Path, names: Collection[str] | None) -> dict[Path, int]:
     """A table for each topic, with a row for each message; returns the number of rows. Messages that cannot be decoded
     are left out.
 

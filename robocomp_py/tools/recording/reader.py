@@ -346,7 +346,7 @@ def _called(metadata: Mapping[str, str]) -> Operation[Any] | None:
 Values = Callable[[Recorded], tuple[Any, ...]]
 
 
-def values_by_topic(recording: Recording) -> Values:
+def values_by_topic() -> Values:
     """A function from a message to its values, as `RecordedTopic.decoder` gives them."""
     decoders: dict[str, Decoder] = {}
 

@@ -48,7 +48,7 @@ def curves(
     by_topic: dict[str, list[_Line]] = {}
     for line in (line for lines in groups for line in lines):
         by_topic.setdefault(line.topic, []).append(line)
-    values = values_by_topic(recording)
+    values = values_by_topic()
     for message in recording.messages(list(by_topic), start, end):
         try:
             found = values(message)
@@ -72,7 +72,7 @@ def delays(
     Topics whose publishers do not tell when they send have none. Raises RecordingError.
     """
     found = {each: array("d") for each in (recording.topics if names is None else names)}
-    values = values_by_topic(recording)
+    values = values_by_topic()
     for message in recording.messages(names, start, end):
         if message.topic.called is not None:
             with contextlib.suppress(DecodeError):

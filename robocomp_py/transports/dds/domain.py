@@ -228,7 +228,7 @@ def any_open() -> bool:
     return bool(_domains)
 
 
-def open_domain(id: int, interface: str, peers: tuple[str, ...] = (), many: bool = False) -> None:
+def open_domain(id: int, interface: str, peers: tuple[str, ...], many: bool) -> None:
     with creating:
         asked = interface, peers, os.environ.get("CYCLONEDDS_URI", "")
         config = compose(settings(interface, id, peers, many), asked[2], id)

@@ -90,7 +90,7 @@ def send_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None
     _send(socket, frames[-1], flags)
 
 
-def lend_frames(socket: zmq.Socket[Any], frames: Frames, flags: int = 0) -> None:
+def lend_frames(socket: zmq.Socket[Any], frames: Frames, flags: int) -> None:
     """The same without copying large frames, which must not change afterwards.
 
     A small frame is faster to copy than to track: a thread of pyzmq finds out when ZeroMQ no longer needs it.
