@@ -187,7 +187,7 @@ def _send(options: argparse.Namespace, hosts: Hosts) -> int:
         print(json.dumps(values.template(action.inputs)))
         return USAGE
     try:
-        taken = values.taken(action.inputs, arguments_of(options.arguments), action.name)
+        taken = values.take_fields(action.inputs, arguments_of(options.arguments), action.name)
     except ValueError as exc:
         say("rc action send", str(exc))
         return USAGE
@@ -297,4 +297,6 @@ def _goals(offered: Offered) -> dict[bytes, GoalState]:
     channel = offered.parts["status"]
     with tap([channel]) as tapping:
         message = tapping.take(_LATCHED)
-    return goals(*map(bytes, values.taken(channel.operation.inputs, message.message, channel.name))) if message else {}
+    if not message:
+        return {}
+    return goals(*map(bytes, values.take_fields(channel.operation.inputs, message.message, channel.name)))

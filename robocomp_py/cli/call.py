@@ -120,7 +120,7 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
                 access.send(channel, taken, options.timeout, options.deadline)
                 continue
             try:
-                shown = values.shown(operation.outputs, access.ask_again(channel, taken, options.deadline))
+                shown = values.show_fields(operation.outputs, access.ask_again(channel, taken, options.deadline))
                 print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None), flush=True)
             except ThrownError as exc:
                 _print_thrown(exc, as_json=options.json)
@@ -131,7 +131,7 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
 def _print_thrown(exc: ThrownError, *, as_json: bool) -> None:
     from ..wire import json as values
 
-    fields, name = values.shown(exc.kind.all_fields, exc.values), exc.kind.name.replace("::", ".")
+    fields, name = values.show_fields(exc.kind.all_fields, exc.values), exc.kind.name.replace("::", ".")
     if as_json:
         print(json.dumps({"exception": name, "fields": fields}), flush=True)
     else:

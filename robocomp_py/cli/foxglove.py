@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -76,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
 
         looking = contextlib.nullcontext() if options.recording else hosts_of(options)
         with looking as hosts, Bridge("robocomp", options.port) as bridge:
-            end = time.monotonic() + options.seconds if options.seconds else float("inf")
+            end = time.monotonic() + options.seconds if options.seconds else math.inf
             if hosts is None:
                 _show_recording(bridge, options, end)
             else:

@@ -262,7 +262,7 @@ def request_of(channel: Channel, words: list[str], command: str, told: End | Non
         print(json.dumps(values.template(inputs)))
         return None
     try:
-        return values.taken(inputs, arguments_of(words), channel.operation.name)
+        return values.take_fields(inputs, arguments_of(words), channel.operation.name)
     except ValueError as exc:
         say(command, str(exc))
         return None

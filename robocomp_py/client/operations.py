@@ -22,8 +22,8 @@ from ..tools.network import Channel
 from ..tools.publishing import publish
 from ..transports import base
 from ..transports.base import Caller, Outlet, Transport
+from .channels import transport_channel
 from .elsewhere import FarAsking
-from .links import path_of
 from .values import empty, fitted, record_of
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ class Asking:
     def __init__(self, session: Session, channel: Channel, operation: Operation[Any]) -> None:
         self._transport = session.transport(channel)
         self._call: Call[Any] = Call(operation, self._transport.codec)
-        path = path_of(channel, operation)
+        path = transport_channel(channel, operation)
         self._caller: Caller = session.opened(lambda: self._transport.caller(path), lambda made: made.close())
         self._outputs = record_of(operation)
 
@@ -323,6 +323,6 @@ class Topic(Described):
 
 def _sending(session: Session, channel: Channel, operation: Operation[Any], qos: QoS) -> tuple[Outlet, Call[Any]]:
     transport: Transport = session.transport(channel)
-    path = path_of(channel, operation, qos)
+    path = transport_channel(channel, operation, qos)
     outlet = session.opened(partial(transport.outlet, path), lambda made: made.close())
     return outlet, Call(operation, transport.codec)

@@ -24,7 +24,7 @@ from ..transports.base import Transport, TransportConfig, find_transport
 from ..transports.leader_followers import abandoned
 from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
-from .links import path_of
+from .channels import transport_channel
 from .values import Types
 
 log = logging.getLogger("robocomp.client")
@@ -159,7 +159,7 @@ class Session:
         """Subscribe to a topic, on whatever host it is. `take` is called on a thread of the transport."""
         if channel.via:
             return self.opened(lambda: FarLink(channel, lambda heard: take(heard.payload)), lambda made: made.close())
-        transport, path = self.transport(channel), path_of(channel, operation, qos)
+        transport, path = self.transport(channel), transport_channel(channel, operation, qos)
         return self.opened(lambda: transport.inlet(path, take), lambda made: made.close())
 
     def transport(self, channel: Channel) -> Transport:

@@ -45,9 +45,7 @@ def changes(running: Json, wanted: Json, contracts: Contracts | None = None) -> 
     ]
     found += _differing("", "hosts", _hosts(running), _hosts(wanted))
     found += _differing("", "escalation", running.get("escalations"), wanted.get("escalations"))
-    found += [
-        Change(Kind.REMOVED, name, added=(), removed=(_kind(before[name]),)) for name in before if name not in after
-    ]
+    found += [Change(Kind.REMOVED, name, removed=(_kind(before[name]),)) for name in before if name not in after]
     for name, process in after.items():
         if name not in before:
             found.append(Change(Kind.ADDED, name, added=(_kind(process),)))

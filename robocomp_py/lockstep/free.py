@@ -8,6 +8,7 @@ publishes `Clock`, for example because it plays a recording, leads by that, and 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -54,7 +55,7 @@ class Passing:
     def __init__(
         self,
         is_over: Callable[[], bool],
-        longest: float = float("inf"),
+        longest: float = math.inf,
         machine: Callable[[], float] = time.monotonic,
     ) -> None:
         """It stands still `longest` seconds after it was told how it stands, until it is told again.
@@ -79,7 +80,7 @@ class Passing:
         """It never goes back: if it was told an earlier time, it stands still until that is over."""
         with self._lock:
             if not self._is_free and self._is_over():
-                self._is_free, self._longest = True, float("inf")
+                self._is_free, self._longest = True, math.inf
                 self._at, self._since, self._speed, self._until = self._last, self._machine(), 1.0, NEVER
             passed = min(self._machine() - self._since, self._longest)
             now = min(self._at + int(passed * SECOND * self._speed), self._until)

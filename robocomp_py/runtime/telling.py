@@ -319,7 +319,7 @@ def _reason(exc: BaseException) -> str:
         case DeclaredError():
             contract: ExceptionType = exc.__contract__  # type: ignore[attr-defined]  # of every generated class
             fields = contract.all_fields
-            shown = values.shown(fields, [getattr(exc, each.attribute) for each in fields])
+            shown = values.show_fields(fields, [getattr(exc, each.attribute) for each in fields])
             return f"{contract.name.replace('::', '.')}: {json.dumps(shown)}"
         case RemoteFailure():
             return f"{exc.kind}: {exc.reason}" if exc.kind else exc.reason

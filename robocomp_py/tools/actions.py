@@ -110,11 +110,11 @@ def outcome(goal: Goal[Any, Any], action: Action, timeout: float) -> dict[str, A
     except DeclaredError as exc:
         kind = getattr(type(exc), "__contract__", None)
         assert isinstance(kind, ExceptionType)
-        fields = values.shown(kind.fields, [getattr(exc, each.attribute) for each in kind.fields])
+        fields = values.show_fields(kind.fields, [getattr(exc, each.attribute) for each in kind.fields])
         return {"status": goal.status.name, "exception": kind.name.replace("::", "."), "fields": fields}
     outputs = action.outputs
     given = tuple(result) if len(outputs) > 1 else (result,) * len(outputs)
-    shown = values.shown(outputs, given)
+    shown = values.show_fields(outputs, given)
     return {"status": goal.status.name, "result": shown["ret"] if list(shown) == ["ret"] else shown or None}
 
 
@@ -123,7 +123,7 @@ def shown_feedback(action: Action, told: Any) -> Any:
     if told is None or action.feedback is None:
         return None
     fields = action.feedback.fields
-    return values.shown(fields, [getattr(told, each.attribute) for each in fields])
+    return values.show_fields(fields, [getattr(told, each.attribute) for each in fields])
 
 
 def told(action: Action) -> Iterator[str]:

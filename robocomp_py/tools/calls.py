@@ -97,7 +97,7 @@ _FIELDS: dict[str, type | tuple[type, ...]] = {
 
 def _decoded(message: Struct, fields: tuple[Field, ...], octets: str) -> Any:
     try:
-        return json.shown(fields, _decoder(message)(base64.b64decode(octets, validate=True)))
+        return json.show_fields(fields, _decoder(message)(base64.b64decode(octets, validate=True)))
     except (DecodeError, binascii.Error) as exc:
         return f"not understood: {exc}"
 

@@ -228,7 +228,7 @@ def asked(channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[A
     """
     assert channel.via
     operation = channel.operation
-    arguments = json.shown(operation.inputs, values)
+    arguments = json.show_fields(operation.inputs, values)
     answer, *_ = channel.via.ask(
         "call",
         deadline + _SPARE,
@@ -240,10 +240,10 @@ def asked(channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[A
     try:
         match answer:
             case {"result": result}:
-                return json.taken(operation.outputs, result, operation.name)
+                return json.take_fields(operation.outputs, result, operation.name)
             case {"thrown": str(name), "fields": fields}:
                 kind = next(each for each in operation.raises if each.name == name)
-                raise ThrownError(kind, json.taken(kind.all_fields, fields, name))
+                raise ThrownError(kind, json.take_fields(kind.all_fields, fields, name))
     except (ValueError, StopIteration) as exc:
         raise ScoutError(f"{channel.via.host}: the answer of its scout is not understood: {exc}") from exc
     raise ScoutError(f"{channel.via.host}: its scout gives no answer")

@@ -1,6 +1,6 @@
 """Parts of messages by their paths, and conditions on them. What does not fit a contract is noticed at once.
 
-A message is JSON here, as `wire.json.shown` makes it.
+A message is JSON here, as `wire.json.show_fields` makes it.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def _question(
     return {
         "channel": channel.name,
         "middlewares": middlewares,
-        "arguments": json.shown(channel.operation.inputs, values),
+        "arguments": json.show_fields(channel.operation.inputs, values),
         "traits": next((each.told.traits for each in channel.providers), ""),
         "within": within,
         "rate": rate,

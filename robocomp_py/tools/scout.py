@@ -282,15 +282,15 @@ def _octets(place: _Place, question: Message, answer: Answer, over: threading.Ev
 def _call(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     channel = place.channel(question)
     operation, deadline = channel.operation, float(question["within"])
-    values_ = values.taken(operation.inputs, question["arguments"], operation.name)
+    values_ = values.take_fields(operation.inputs, question["arguments"], operation.name)
     if channel.pattern is Pattern.COMMAND:
         place.access.send(channel, values_, deadline, deadline)
         answer(result={})
         return
     try:
-        answer(result=values.shown(operation.outputs, place.access.ask_again(channel, values_, deadline)))
+        answer(result=values.show_fields(operation.outputs, place.access.ask_again(channel, values_, deadline)))
     except ThrownError as exc:
-        answer(thrown=exc.kind.name, fields=values.shown(exc.kind.all_fields, exc.values))
+        answer(thrown=exc.kind.name, fields=values.show_fields(exc.kind.all_fields, exc.values))
 
 
 def _publish(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
@@ -300,7 +300,7 @@ def _publish(place: _Place, question: Message, answer: Answer, over: threading.E
     latched = question.get("latched") is True
     if not channel.users and not latched:
         raise Unreachable(f"nothing subscribes to {channel.name}")
-    values_ = values.taken(channel.operation.inputs, question["arguments"], channel.operation.name)
+    values_ = values.take_fields(channel.operation.inputs, question["arguments"], channel.operation.name)
     qos = from_traits(traits) if (traits := str(question.get("traits") or "")) else None
     within, rate, most = float(question["within"]), question.get("rate"), question.get("most")
     publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, latched=latched, over=over)

@@ -332,7 +332,7 @@ def _message(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _
     topic = next(each for each in topics if each.name == arrived.channel)
     shown: Any
     try:
-        shown = json.shown(topic.operation.inputs, decoders[arrived.channel](heard.payload))
+        shown = json.show_fields(topic.operation.inputs, decoders[arrived.channel](heard.payload))
     except DecodeError as exc:
         shown = f"not understood: {exc}"
     sent = heard.stamp / 1e9 if heard.stamp else None

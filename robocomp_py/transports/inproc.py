@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import queue
 import threading
 import time
@@ -236,7 +237,7 @@ class _Caller(BusLink[InprocTransport]):
         super().__init__(transport, channel)
         self.pending = Pending(channel.name)
         self._sequence = itertools.count(1)
-        self._enough = float("inf") if transport.hand_over else TRUSTED
+        self._enough = math.inf if transport.hand_over else TRUSTED
         self._found: tuple[int, _Server] = -1, None  # type: ignore[assignment]  # of no version of the bus
 
     def call(self, payload: Payload, deadline: float) -> Future[Reply]:

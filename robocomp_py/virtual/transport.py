@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import weakref
 from collections import deque
 from collections.abc import Callable
@@ -291,13 +292,13 @@ class Server(_Link):
     def serve(self, payload: Payload) -> Reply | Future[Reply]:
         self.stats.received += 1
         if not self.transport.hand_over:
-            return reply_of(self._service, payload, float("inf"))
+            return reply_of(self._service, payload, math.inf)
         future: Future[Reply] = Future()
         self.air.executor.do(partial(self._answer, payload, future))
         return future
 
     def _answer(self, payload: Payload, future: Future[Reply]) -> None:
-        reply = reply_of(self._service, payload, float("inf"))
+        reply = reply_of(self._service, payload, math.inf)
         if isinstance(reply, Future):
             pass_on(reply, future.set_result)
         else:

@@ -52,7 +52,7 @@ class Unfit(ValueError):
     """JSON that does not fit a type; the text says where and what fits."""
 
 
-def shown(fields: Items[Field], values: Items[Any]) -> dict[str, Any]:
+def show_fields(fields: Items[Field], values: Items[Any]) -> dict[str, Any]:
     """The fields of a message by name, as `json.dumps` takes them."""
     return {field.name: show(field.type, value) for field, value in zip(fields, values, strict=True)}
 
@@ -62,10 +62,10 @@ def show(kind: Type, value: Any) -> Any:
     match kind:
         case Struct(fields=fields):
             if isinstance(value, np.void):
-                return shown(fields, value.item())
+                return show_fields(fields, value.item())
             if isinstance(value, tuple):
-                return shown(fields, value)
-            return shown(fields, [getattr(value, field.attribute) for field in fields])
+                return show_fields(fields, value)
+            return show_fields(fields, [getattr(value, field.attribute) for field in fields])
         case Sequence(item) if item is UINT8:
             return base64.b64encode(bytes(value)).decode()
         case Sequence(item):
@@ -73,14 +73,14 @@ def show(kind: Type, value: Any) -> Any:
                 return value.tolist()
             return [show(item, each) for each in value]
         case Dictionary(key, item):
-            return {_key_shown(key, each): show(item, other) for each, other in value.items()}
+            return {_show_key(key, each): show(item, other) for each, other in value.items()}
         case Enumeration(members=members):
             return next((name for name, number in members if number == int(value)), int(value))
         case Primitive():
-            return _primitive_shown(kind, value)
+            return _show_primitive(kind, value)
 
 
-def _primitive_shown(kind: Primitive, value: Any) -> Any:
+def _show_primitive(kind: Primitive, value: Any) -> Any:
     plain = value.item() if isinstance(value, np.generic) else value
     if kind not in FLOATS:
         return plain
@@ -89,12 +89,12 @@ def _primitive_shown(kind: Primitive, value: Any) -> Any:
     return float(str(np.float32(plain))) if kind is FLOAT32 else float(plain)  # 0.1, and not 0.10000000149011612
 
 
-def _key_shown(kind: Type, value: Any) -> str:
+def _show_key(kind: Type, value: Any) -> str:
     key = show(kind, value)
     return str(key).lower() if isinstance(key, bool) else str(key)
 
 
-def taken(fields: Items[Field], given: Any, what: str) -> tuple[Any, ...]:
+def take_fields(fields: Items[Field], given: Any, what: str) -> tuple[Any, ...]:
     """The values of a message's fields. Raises Unfit if `given` is not an object with just these fields.
 
     `what` names the message, or the field that it is.
@@ -116,7 +116,7 @@ def take(kind: Type, given: Any, what: str) -> Any:
     """A value of a type. Raises Unfit."""
     match kind:
         case Struct(fields=fields):
-            return taken(fields, given, what)
+            return take_fields(fields, given, what)
         case Sequence(item) if item is UINT8 and isinstance(given, str):
             try:
                 return np.frombuffer(base64.b64decode(given, validate=True), np.uint8)
@@ -130,17 +130,17 @@ def take(kind: Type, given: Any, what: str) -> Any:
         case Dictionary(key, item):
             if not isinstance(given, dict):
                 raise Unfit(f"{what}: {_described(given)} is given; it takes an object")
-            return {_key(key, each, what): take(item, other, f"{what}[{each!r}]") for each, other in given.items()}
+            return {_take_key(key, each, what): take(item, other, f"{what}[{each!r}]") for each, other in given.items()}
         case Enumeration(members=members):
             numbers = dict(members)
             if given in numbers:
                 return numbers[given]
             raise Unfit(f"{what}: {_described(given)} is given; it takes one of {', '.join(numbers)}")
         case Primitive():
-            return _primitive_taken(kind, given, what)
+            return _take_primitive(kind, given, what)
 
 
-def _primitive_taken(kind: Primitive, given: Any, what: str) -> Any:
+def _take_primitive(kind: Primitive, given: Any, what: str) -> Any:
     if kind is STRING or kind is BOOL:
         if isinstance(given, kind.python):
             return given
@@ -159,7 +159,7 @@ def _primitive_taken(kind: Primitive, given: Any, what: str) -> Any:
     raise Unfit(f"{what}: {_described(given)} is given; it takes {_word(kind)}")
 
 
-def _key(kind: Type, given: str, what: str) -> Any:
+def _take_key(kind: Type, given: str, what: str) -> Any:
     """A key, which is text in JSON."""
     if kind is BOOL and given in ("true", "false"):
         return given == "true"

@@ -26,9 +26,9 @@ def test_what_is_shown_can_be_read_again(case: tuple[Struct, tuple[Any, ...]]) -
     message, values = case
     operation: Operation[object] = Operation("Any::Thing", "do", message.fields)
     fields = told.operation(operation.text).inputs
-    shown = plain.loads(plain.dumps(json.shown(message.fields, values)))
-    taken = json.taken(fields, shown, "do")
-    assert plain.dumps(json.shown(fields, taken)) == plain.dumps(shown)
+    shown = plain.loads(plain.dumps(json.show_fields(message.fields, values)))
+    taken = json.take_fields(fields, shown, "do")
+    assert plain.dumps(json.show_fields(fields, taken)) == plain.dumps(shown)
     codec = Cdr()
     first, second = codec.encoder(message)(values), codec.encoder(Struct(message.name, fields))(taken)
     assert bytes(first or b"") == bytes(second or b"") or _has_nan(plain.dumps(shown))
@@ -42,9 +42,9 @@ def _has_nan(text: str) -> bool:
 @pytest.mark.parametrize("number", [FLOAT32_MAX, -FLOAT32_MAX])
 def test_the_largest_float32_is_read_as_it_is_shown(number: float) -> None:
     fields = (Field("x", FLOAT32),)
-    shown = json.shown(fields, (number,))
+    shown = json.show_fields(fields, (number,))
     assert plain.dumps(shown) in ('{"x": 3.4028235e+38}', '{"x": -3.4028235e+38}')
-    assert np.float32(json.taken(fields, shown, "do")[0]) == number
+    assert np.float32(json.take_fields(fields, shown, "do")[0]) == number
 
 
 FIELDS = told.operation(e.EVERYTHING.operations[0].text).inputs
@@ -60,7 +60,7 @@ def nested(**changes: Any) -> dict[str, Any]:
 
 
 def test_a_template_fits() -> None:
-    assert json.taken(FIELDS, json.template(FIELDS), "echo_nested")
+    assert json.take_fields(FIELDS, json.template(FIELDS), "echo_nested")
 
 
 @pytest.mark.parametrize(
@@ -87,12 +87,12 @@ def test_a_template_fits() -> None:
 )
 def test_what_does_not_fit_is_refused_with_its_place(changes: dict[str, Any], why: str) -> None:
     with pytest.raises(json.Unfit, match=why):
-        json.taken(FIELDS, nested(**changes), "go")
+        json.take_fields(FIELDS, nested(**changes), "go")
 
 
 def test_a_message_that_is_no_object_is_refused() -> None:
     with pytest.raises(json.Unfit, match=r"^go: an array is given; it takes {value Conformance\.Nested}$"):
-        json.taken(FIELDS, [], "go")
+        json.take_fields(FIELDS, [], "go")
 
 
 def test_octets_that_are_no_base64_are_refused() -> None:
@@ -100,7 +100,7 @@ def test_octets_that_are_no_base64_are_refused() -> None:
     made = json.template(arrays)
     made["value"]["octets"] = "a?"
     with pytest.raises(json.Unfit, match=r"^go\.value\.octets: not base64"):
-        json.taken(arrays, made, "go")
+        json.take_fields(arrays, made, "go")
 
 
 @pytest.mark.parametrize(("value", "shown"), [(math.nan, "NaN"), (math.inf, "Infinity"), (-math.inf, "-Infinity")])

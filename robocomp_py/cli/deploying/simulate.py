@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import math
 import os
 import signal
 import subprocess
@@ -59,7 +60,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--speed",
         type=_speed,
-        default=float("inf"),
+        default=math.inf,
         metavar="FACTOR",
         help="virtual seconds in a second (default: max)",
     )
@@ -152,7 +153,7 @@ def _warn_of_threads(sim: Simulation, told: set[str]) -> None:
 
 
 def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
-    factor = sim.time / took if took else float("inf")
+    factor = sim.time / took if took else math.inf
     if as_json:
         result = {"seconds": sim.time, "took": took, "messages": sim.record.messages, "hash": sim.hash}
         print(json.dumps(result | {"failed": sim.failed}))
@@ -244,7 +245,7 @@ def _seed(text: str) -> int:
 
 def _speed(text: str) -> float:
     if text == "max":
-        return float("inf")
+        return math.inf
     try:
         value = float(text)
     except ValueError:

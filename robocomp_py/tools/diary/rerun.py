@@ -445,7 +445,7 @@ def _compared(fields: Any, operation: Operation[Any], was: Any, now: Any, *, res
 
 
 def _first(fields: tuple[Field, ...], before: tuple[Any, ...], after: tuple[Any, ...]) -> str:
-    found = _difference("", json.shown(fields, before), json.shown(fields, after))
+    found = _difference("", json.show_fields(fields, before), json.show_fields(fields, after))
     return found or " differs in octets alone"
 
 

@@ -295,7 +295,7 @@ class Requests:
         if channel.pattern is Pattern.PUBLISH:
             raise Refused(f"{name} is a topic; read_topic reads it")
         self._check(name, self._permissions.calls, "call")
-        taken = values.taken(channel.operation.inputs, given, channel.operation.name)
+        taken = values.take_fields(channel.operation.inputs, given, channel.operation.name)
         self._note("call", name, given)
         if channel.pattern is Pattern.COMMAND:
             self._access.send(channel, taken, limit, limit)
@@ -305,9 +305,9 @@ class Requests:
         except ThrownError as exc:
             return {
                 "exception": exc.kind.name.rpartition("::")[2],
-                "fields": values.shown(exc.kind.all_fields, exc.values),
+                "fields": values.show_fields(exc.kind.all_fields, exc.values),
             }
-        shown = values.shown(channel.operation.outputs, results)
+        shown = values.show_fields(channel.operation.outputs, results)
         return {"result": shown["ret"] if list(shown) == ["ret"] else shown or None}
 
     def _begin_goal(self, arguments: Mapping[str, Any]) -> Any:
@@ -317,7 +317,7 @@ class Requests:
         name = _one(list(actions), arguments, "action")
         self._check(name, self._permissions.goals, "goal")
         action = actions[name].action
-        taken = values.taken(action.inputs, given, action.name)
+        taken = values.take_fields(action.inputs, given, action.name)
         self._note("begin goal of", name, given)
         return self._goals.begin(actions[name], action, taken, limit)
 
@@ -341,7 +341,7 @@ class Requests:
         if len(known[name]) > 1:
             raise Refused(f"{name} has several publishers; name one of {', '.join(each.name for each in known[name])}")
         [channel] = known[name]
-        taken = values.taken(channel.operation.inputs, given, channel.operation.name)
+        taken = values.take_fields(channel.operation.inputs, given, channel.operation.name)
         self._note("publish", channel.name, given)
         publish(self._access, channel, taken, limit)
         return {"published": channel.name}

@@ -12,6 +12,7 @@ import contextlib
 import hmac
 import json
 import logging
+import math
 import re
 import secrets
 import socket
@@ -203,7 +204,7 @@ class _Http(ThreadingHTTPServer):
     def has_come(self, request: Any) -> None:
         """A request has been read, so its connection may stay open."""
         with self._lock:
-            self._open[request] = float("inf")
+            self._open[request] = math.inf
 
     def service_actions(self) -> None:
         """Called a few times a second: ends connections whose requests do not come."""

@@ -111,7 +111,7 @@ class _Tables:
             self.rows[path] = 0
         to, table, decode = self._open[topic.name]
         try:
-            shown = values.shown(topic.operation.inputs, decode(message.data))
+            shown = values.show_fields(topic.operation.inputs, decode(message.data))
         except DecodeError:
             return
         table.writerow([*message[:3], *_cells(topic.operation.inputs, shown)])

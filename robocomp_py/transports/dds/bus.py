@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable
-from math import inf
-from time import monotonic
 from typing import Any
 
 from cyclonedds.core import DDSException, Entity, Policy, Qos
@@ -166,16 +165,16 @@ class Writer(_End):
 
 
 class Reader(_End):
+    def __init__(self, entity: Any, parent: Entity | None, topic: Topic[Any]) -> None:
+        super().__init__(entity, parent, topic)
+        self.condition = read_condition(self.ref, "waiting for samples")
+
     def matched(self) -> set[int]:
         """The handles of the writers that DDS has connected with this one."""
         return matched_publications(self.ref)
 
     def _incompatible(self) -> Any:
         return self._entity.get_requested_incompatible_qos_status()
-
-    def __init__(self, entity: Any, parent: Entity | None, topic: Topic[Any]) -> None:
-        super().__init__(entity, parent, topic)
-        self.condition = read_condition(self.ref, "waiting for samples")
 
     def alive(self) -> bool:
         """Whether a connected writer has kept its lease."""
@@ -205,7 +204,7 @@ class Loop:
         self._inputs: dict[int, Callable[[], Iterable[Job]]] = {}
         self._jobs: deque[Job] = deque()
         self._next_tick, self._woken, self._sleeping = 0.0, False, False
-        self.tick: Callable[[], float] = lambda: float("inf")
+        self.tick: Callable[[], float] = lambda: math.inf
         """Does what is due; returns the time of the next tick."""
 
     def attach(self, condition: int, on_input: Callable[[], Iterable[Job]]) -> None:
@@ -233,9 +232,9 @@ class Loop:
             self.wake()
 
     def receive(self) -> Iterable[Job]:
-        now = monotonic()
+        now = time.monotonic()
         if self._woken or now >= self._next_tick:
-            self._woken, self._next_tick = False, inf  # before the tick: it may set an earlier time
+            self._woken, self._next_tick = False, math.inf  # before the tick: it may set an earlier time
             self._next_tick = self.tick()
         added = self._jobs
         self._sleeping = True  # before the jobs are checked: a thread that adds one now wakes us

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import threading
 import time
@@ -208,5 +209,5 @@ class DDSCore(BaseTransport[Endpoint], SupportsGathering):
 
     def _tick(self) -> float:
         if self.close_if_abandoned():
-            return float("inf")
+            return math.inf
         return time.monotonic() + min([TICK, *self.tick_links()])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import struct
 import threading
 from collections import deque
@@ -61,7 +62,7 @@ REPLY_EXPIRY = 60.0
 """Seconds for which a reply without deadline waits for a client that cannot be reached yet."""
 
 
-_FOREVER = float("inf")
+_FOREVER = math.inf
 
 _OLDEST = 60.0
 """A request that seems to be older than this many seconds is not: the clock was set."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import struct
 import threading
 import time
@@ -69,7 +70,7 @@ MOST_WAITING = 100_000
 INITIAL_CREDIT = 100
 """Credit of a subscriber before it has granted any."""
 
-_NONE = float("inf")
+_NONE = math.inf
 """No limit."""
 
 _LONGEST_PAUSE = 1.0
@@ -338,7 +339,7 @@ class Subscriber(Link, SupportsSources):
         """Maximum number of waiting messages of publishers without credit."""
         self._grant_every = max(1, self._window // 2)
         """Number of consumed messages after which new credit is sent."""
-        self._due = float("inf")
+        self._due = math.inf
 
     def open(self) -> None:
         self.transport.limits.check(self.channel)
@@ -557,7 +558,7 @@ class Subscriber(Link, SupportsSources):
 
     def _greet(self) -> None:
         """Send the first credit to publishers that are connected and have none yet."""
-        self._due = float("inf")
+        self._due = math.inf
         for name, topic in self._topics.items():
             assert topic.credits
             credited = self.bus.endpoints.find("credited", name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import logging
+import math
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -66,7 +67,7 @@ class ShmCore(ServingTransport):
         self._bury_at = 0.0
         self._was_short = False
         """Whether this process could open no file at the last look."""
-        self._settled = self._settled_together = float("inf")
+        self._settled = self._settled_together = math.inf
         self.directory = Directory(self.folder)
         with contextlib.ExitStack() as undo:
             self.member = self.directory.join(config.owner)
@@ -161,7 +162,7 @@ class ShmCore(ServingTransport):
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:
-        self._settled_together = float("inf")
+        self._settled_together = math.inf
         with super().gathering():
             yield
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -217,7 +218,7 @@ class Dispatcher:
             sender = self._senders.get((message.member, line))
             if sender and not self._turns:  # otherwise others are served, too, and no core is free for this client
                 sender.announce()
-        expires = read_at + request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else float("inf")
+        expires = read_at + request.remaining_ms / 1000 if request.remaining_ms != NO_DEADLINE else math.inf
         answer = partial(self.reply, message.member, line, request, expires)
         return dispatch(link, request, message.payload, read_at, answer)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from functools import partial
@@ -209,7 +210,7 @@ def _copied_for(sink: Sink) -> Sink:
 
 
 def _expires(request: Request, arrived: float) -> float:
-    remaining = float("inf") if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
+    remaining = math.inf if request.remaining_ms == NO_DEADLINE else request.remaining_ms / 1000
     return (time.monotonic() if request.flags & Flag.SENT else arrived) + remaining
 
 

@@ -11,7 +11,7 @@ from ..transports import base
 from ..transports.base import TypeRef
 
 
-def path_of(channel: Channel, operation: Operation[Any], qos: QoS = DEFAULT_QOS) -> base.Channel:
+def transport_channel(channel: Channel, operation: Operation[Any], qos: QoS = DEFAULT_QOS) -> base.Channel:
     """The channel as transports know it. The contract is that which its provider announces."""
     response = operation.response if channel.pattern is Pattern.QUERY else None
     told = channel.operation
