@@ -143,6 +143,7 @@ def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> 
     if jobs is None:
         return WRONG
     warnings = [f"rcgen: warning: {library}; rename it" for job in jobs if (library := starting.library(job.root))]
+    warnings += [f"rcgen: warning: {wrong}" for name in _middlewares(jobs) if (wrong := starting.absent(name))]
     for warning in warnings:
         print(warning, file=sys.stderr)
     if options.check:
@@ -160,6 +161,12 @@ def _generate(options: argparse.Namespace, made_by: str, progress: Progress) -> 
         if len(components) == len(jobs):
             unchanged.remember(_request(options), trace, components, made_by)
     return FINE
+
+
+def _middlewares(jobs: Sequence[_Job]) -> Collection[str]:
+    """What components, and single ports of them, are to use."""
+    ports = [port.middleware for job in jobs for port in job.model.component.ports if port.middleware]
+    return dict.fromkeys((*(job.model.middleware for job in jobs), *ports)).keys()
 
 
 def _up_to_date(job: _Job) -> unchanged.Component | None:

@@ -6,8 +6,12 @@ import keyword
 import re
 import sys
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
+
+from ..contract.middleware import AUTO, carrier
+from ..errors import ConfigurationError
 
 if TYPE_CHECKING:
     from ..codegen.generate import Model
@@ -28,6 +32,25 @@ def library(root: Path) -> str:
         return ""
     whose = "a library that components need" if name in needed else "a module of Python"
     return f"{root} has the name of {whose}: programs started beside it would import this folder instead"
+
+
+def absent(middleware: str) -> str:
+    """Why a middleware, or what carries messages of `auto(…)`, cannot be used on this machine, and the remedy.
+
+    "" if its packages are installed, or if none is named.
+    """
+    from ..transports.base import find_transport
+    from ..transports.deployment import deployment_of
+
+    name = carrier(middleware, "")
+    lacking = [package for module, package in deployment_of(name).modules if find_spec(module) is None] if name else []
+    if not lacking:
+        return ""
+    try:
+        find_transport(name)  # which knows more of the remedy, maybe
+    except ConfigurationError as exc:
+        return str(exc) if "pip install" in str(exc) else f"{exc}; pip install {' '.join(lacking)}"
+    return ""
 
 
 def unfit(name: str, root: Path) -> str:
@@ -56,7 +79,6 @@ def begin(
     """
     from ..codegen.generate import Artifact, Model, Owner, generate
     from ..codegen.write import remove_stale, write
-    from ..contract.middleware import AUTO
     from ..dsl.format import format_text
     from ..dsl.workspace import Workspace, read_file
 
@@ -72,4 +94,6 @@ def begin(
     artifacts = [Artifact(PurePosixPath(path.name), text, Owner.USER) for path, text in models.items()]
     artifacts += [Artifact(each.path, instead.get(each.path, each.text), each.owner) for each in generate(model)]
     write((root, artifacts))
+    if wrong := absent(model.middleware):
+        print(f"warning: {wrong}", file=sys.stderr)
     return ""

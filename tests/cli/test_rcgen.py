@@ -170,6 +170,36 @@ def test_what_other_programs_need_is_that_of_the_middleware_chosen(arm: Path, ca
     assert not (arm / "generic" / "dds").exists()
 
 
+def test_a_middleware_that_is_not_installed_is_told_with_the_remedy(cdsl: Path, tmp_path: Path) -> None:
+    """A process of its own cannot import any of them."""
+    code = """
+import sys
+from robocomp_py.transports.deployment import deployments
+
+needed = {name: each.modules for name, each in deployments().items() if each.modules}
+sys.modules |= {module: None for modules in needed.values() for module, _ in modules}
+from robocomp_py.cli.rcgen import main
+
+for name in needed:
+    print(name, main([sys.argv[1], "--middleware", name]), flush=True)
+main(["--new", "greeter", "-o", sys.argv[2], "--middleware", f"auto({name})"])
+main([sys.argv[1], "--middleware", "auto"])
+main([sys.argv[3]])
+"""
+    theirs = tmp_path / "leg.cdsl"
+    theirs.write_text(
+        'import "arm/Arm.idsl";\nComponent leg { Communications { requires Arm(dds); }; language python; };\n'
+    )
+    command = [sys.executable, "-c", code, str(cdsl), str(tmp_path / "greeter"), str(theirs)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    names = [line.partition(" ")[0] for line in done.stdout.splitlines() if line.endswith(" 0")]
+    warnings = [line for line in done.stderr.splitlines() if "warning: " in line]
+    assert len(names) >= 4
+    assert [line.split("'")[1] for line in warnings] == [*names, names[-1], "dds"]
+    assert all("is not usable here: " in line and "pip install " in line for line in warnings), warnings
+    assert (tmp_path / "greeter" / "specificworker.py").is_file()
+
+
 def test_an_unknown_middleware_is_refused_before_anything_is_written(cdsl: Path, capsys: Said) -> None:
     assert rcgen([str(cdsl), "--middleware", "zermq"]) == 2
     assert capsys.readouterr() == (
