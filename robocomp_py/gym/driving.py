@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from ..contract.interface import Pattern
 from ..contract.parameters import ParameterKind
@@ -16,6 +16,9 @@ from ..errors import Closed, ComponentError
 from ..runtime.lifecycle import State
 from ..virtual.outside import Outside, Provided, found, provided
 from ..virtual.simulation import Part, Simulation
+
+if TYPE_CHECKING:
+    from ..sim.remote import Remote
 
 STARTUP = 60.0
 """Virtual seconds that a network may take to start, and to publish what is observed."""
@@ -91,14 +94,18 @@ class NetworkDriver:
         self._asks: dict[str, Callable[..., Any]] = {}
         self._heard: dict[str, Values] = {}
         """The latest message of each topic that is observed."""
+        self._remotes: dict[str, Remote] = {}
+        """The processes that draw for scenes, by instance. They go on when their components are made anew."""
 
     @property
     def simulation(self) -> Simulation:
         return _open(self._running)[0]
 
     def reset(self, seed: int) -> None:
-        self.close()
+        self._end()
         simulation = Simulation([seeded(each, seed) for each in self._parts], seed)
+        for name in (each.settings.instance for each in self._parts if _is_scene(each)):
+            simulation[name].worker.remote = self._remote(name)
         self._running = simulation, simulation.outside(NAME)
         self._asks, self._heard = {}, {}
         try:
@@ -111,6 +118,11 @@ class NetworkDriver:
         except BaseException:
             self.close()
             raise
+
+    def _remote(self, name: str) -> Remote:
+        from ..sim.remote import Remote  # only scenes need it
+
+        return self._remotes.setdefault(name, Remote())
 
     def _hear(self, name: str) -> None:
         heard = self._heard
@@ -156,6 +168,13 @@ class NetworkDriver:
         return results(self._network[name], self._asks[name]())
 
     def close(self) -> None:
+        try:
+            self._end()
+        finally:
+            for each in self._remotes.values():
+                each.close()
+
+    def _end(self) -> None:
         running, self._running = self._running, None
         if running:
             simulation, outside = running

@@ -7,6 +7,7 @@ through it once, then each order and its picture. Messages are lines of JSON; se
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import mmap
 import os
@@ -43,6 +44,8 @@ class _Started:
     memory: int
     size: int = 0
     mapped: mmap.mmap | None = None
+    model: bytes = b""
+    """A hash of the model that it draws; nothing if it has none, or draws it with other textures."""
 
     def reserve(self, size: int) -> mmap.mmap:
         """Memory of at least some bytes. Arrays that are made of it have to be gone when it is reserved again."""
@@ -71,15 +74,24 @@ class Remote:
     def load(self, model: mujoco.MjModel) -> None:
         """Raises ConfigurationError if OpenGL cannot be used, and DrawingLost."""
         started = self._started = self._started or self._start()
-        size = mujoco.mj_sizeModel(model)
-        mujoco.mj_saveModel(model, None, np.frombuffer(started.reserve(size), np.uint8, size))
-        self._ask(started, {"load": size})
+        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        saved = buffer.tobytes()
+        digest = hashlib.sha256(saved).digest()
+        if digest == started.model:
+            return
+        started.model = b""
+        started.reserve(len(saved))[: len(saved)] = saved
+        self._ask(started, {"load": len(saved)})
+        started.model = digest
         started.release()
 
     def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
         """Raises DrawingLost."""
         started = self._started
         assert started
+        if order.textures:
+            started.model = b""
         textures = [[number, *pixels.shape] for number, pixels in order.textures.items()]
         sent = [order.positions.tobytes(), *(pixels.tobytes() for pixels in order.textures.values())]
         pixels = order.width * order.height

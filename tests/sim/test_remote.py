@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.gym import NetworkEnv, Range
 from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.remote import DrawingLost, Remote
 from robocomp_py.sim.render import Picture, Renderer
@@ -180,6 +182,36 @@ def test_a_client_is_answered_the_declared_error_and_then_the_picture_of_its_tic
         now = component.worker.camerargbdsimple["eye"].getDepth("")
         assert (depth.depth.reshape(-1) == now.depth).all()
     assert component.fine
+    assert painters(os.getpid()) == []
+
+
+def test_an_environment_has_the_same_process_in_all_episodes(house: Path, tmp_path: Path) -> None:
+    offers = (
+        "offers base : DifferentialRobot, FullPoseEstimationPub; offers eye : CameraSimple; offers screen : Display;"
+    )
+    (tmp_path / "net.ddsl").write_text(
+        f'import "house/house.cdsl"; Deployment net {{ Component house {{ {offers} }}; }};'
+    )
+    environment = NetworkEnv(
+        tmp_path / "net.ddsl",
+        actions={"base/DifferentialRobot/setSpeedBase": {"adv": Range(0.0, 300.0), "rot": 0.0}},
+        observations={"base/FullPoseEstimationPub/newFullPose.pose.z": Range(-9.0, 9.0)},
+        reward=lambda before, action, after: 0.0,
+        settings=[("house", "params.render=process")],
+    )
+    shown = {"width": 30, "height": 20, "depth": 3, "Img": np.arange(1800, dtype=np.uint8)}
+    pictures, processes = [], []
+    with contextlib.closing(environment):
+        for number in range(4):
+            environment.reset(seed=1)
+            if number == 2:  # what a display shows does not stay for the next episode
+                environment.call("screen/Display/setImage", img=shown)
+            environment.step(np.ones(1, np.float32))
+            pictures.append(environment.call("eye/CameraSimple/getImage").image.tobytes())
+            processes.append(painters(os.getpid()))
+    assert [each == pictures[0] for each in pictures] == [True, True, False, True]
+    assert processes == [processes[0]] * 4
+    assert len(processes[0]) == 1
     assert painters(os.getpid()) == []
 
 

@@ -36,6 +36,7 @@ from .values import filled, operation
 
 try:
     from ..editing import EditError, Editing
+    from ..remote import Remote
     from ..world import World
     from .cameras import (
         Camera,
@@ -68,6 +69,8 @@ class Simulator(Controlled, Managed):
     SimulationPub.
     """
 
+    remote: Remote | None = None
+    """The process that draws, with `render = "process"`; whoever sets it closes it. None: the component has its own."""
     _studio: Studio | None = None
 
     def initialize(self) -> None:
@@ -95,7 +98,8 @@ class Simulator(Controlled, Managed):
         self._pace = Pace(self.world.tick, self.now())
         self._folder = path.parent
         in_process = getattr(self.params, "render", "") == "process"
-        self._studio = Studio(self._suspended if isinstance(self._clock, Real) else None, in_process=in_process)
+        suspended = self._suspended if isinstance(self._clock, Real) else None
+        self._studio = Studio(suspended, in_process=in_process, remote=self.remote)
         self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
         """By the port, and the name of the instance."""

@@ -32,12 +32,20 @@ class Studio:
     drawn at once by the thread that asks for it, so that it belongs to the same time in every run.
     """
 
-    def __init__(self, suspended: Callable[[], AbstractContextManager[None]] | None, *, in_process: bool) -> None:
+    def __init__(
+        self,
+        suspended: Callable[[], AbstractContextManager[None]] | None,
+        *,
+        in_process: bool,
+        remote: Remote | None = None,
+    ) -> None:
         """`suspended` lets handlers run during a wait; None: pictures are drawn at once.
 
-        With `in_process`, a process of its own draws, which a thread waits for.
+        With `in_process`, a process of its own draws, which a thread waits for: that of `remote`, which stays open when
+        this is closed, or a new one.
         """
-        self._renderer = Renderer(Remote() if in_process else None)
+        self._is_lent = in_process and remote is not None
+        self._renderer = Renderer((remote or Remote()) if in_process else None)
         self._suspended = suspended or nullcontext
         self._pool = ThreadPoolExecutor(1, "cameras") if suspended else None
         self._latest: dict[str, tuple[View, Shot]] = {}
@@ -71,4 +79,5 @@ class Studio:
         """Wait for what is being drawn, and free OpenGL."""
         if self._pool:
             self._pool.shutdown(wait=True)
-        self._renderer.close()
+        if not self._is_lent:
+            self._renderer.close()
