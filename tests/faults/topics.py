@@ -111,7 +111,7 @@ def _tapped(run: Run) -> Result:
         killed = publisher.wait(channel=_CHANNEL, timeout=seconds * 10)
         _until_quiet(laboratory, publisher, [other])
         history = laboratory.end()
-    most = 2500.0 if run.transport == "zenoh" else 50.0  # zenoh cuts the connection after 2 s
+    most = 1500.0 if run.transport == "zenoh" else 50.0  # zenoh cuts the connection after 1 s
     figures = [
         Figure("longest send, stopped", stopped["worst"] * 1000, "ms", most, timed=True),
         Figure("killed", killed["worst"] * 1000, "ms", 50, timed=True),
@@ -163,7 +163,7 @@ ROWS = [
     Row(
         "tap",
         "tap of a reliable topic stopped 10 s, then killed",
-        "no `send` > 50 ms (Zenoh: one of 2 s), other subscribers lose nothing",
+        "no `send` > 50 ms (Zenoh: one of 1 s), other subscribers lose nothing",
         HERE,
         25,
         _tapped,

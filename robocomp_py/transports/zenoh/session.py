@@ -56,6 +56,13 @@ components would keep each other from succeeding.
 """
 _LONGEST_ATTEMPT_MS = 8000
 
+_LEASE_MS = 2000
+"""Milliseconds after which a hung process counts as gone.
+
+While a router waits for room at one reader, it does not read from the sender. That wait must end well before the lease,
+or the router gives up the sender, too, and loses its messages.
+"""
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -63,11 +70,11 @@ _COMMON: dict[str, Any] = {
     "timestamping/enabled": False,
     "transport/shared_memory/enabled": False,  # leaves files behind when killed
     "transport/link/rx/max_message_size": MAX_BYTES + 65536,
-    "transport/link/tx/lease": 2000,  # ms after which a hung process counts as gone
+    "transport/link/tx/lease": _LEASE_MS,
     "transport/link/tx/keep_alive": 4,
     "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
     "transport/link/tx/queue/size/interactive_high": 16,  # calls, answers, commands
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,  # µs; equals the lease
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # µs; see `_LEASE_MS`
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; large messages
     "transport/unicast/open_timeout": 2000,
     "transport/unicast/accept_timeout": 2000,
