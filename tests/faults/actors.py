@@ -399,9 +399,6 @@ class Actor:
 
     # About all of them.
 
-    def wait_peer(self, channel: str, timeout: float) -> bool:
-        return bool(self._links[channel].wait_peer(timeout))
-
     def stats(self, channel: str, count: bool = False) -> dict[str, int]:
         """What a link counted; with `count`, what it lost is part of the history."""
         stats: Statistics = self._links[channel].stats

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from .checker import Violation
-from .laboratory import Remote
+from .laboratory import PATIENCE, Remote, until
 from .rows import HERE, Figure, Result, Row, Run
 
 _CHANNEL, _COMMANDS = "faults/Conformance/op", "faults/Conformance/command"
@@ -18,7 +18,8 @@ def _fuzzed(run: Run) -> Result:
         target, honest, hostile = (laboratory.start(name) for name in ("target", "honest", "hostile"))
         target.serve(channel=_CHANNEL, idempotent=True)
         target.take(channel=_COMMANDS)
-        honest.ask(channel=_CHANNEL, calls=10**9, pace=0.05)
+        honest.ask(channel=_CHANNEL, calls=10**9, pace=0.05)  # Unreachable until it has found the server
+        until(lambda: honest.well(channel=_CHANNEL) > 0, PATIENCE, "the honest client is answered")
         before, lines = target.usage(), laboratory.log("target").count("\n")
         hostile.fuzz(channel=_CHANNEL, commands=_COMMANDS, seed=run.seed, count=count)
         seconds = hostile.wait(channel="fuzz", timeout=3600.0)
@@ -57,8 +58,9 @@ def _oversized(run: Run) -> Result:
     with run.laboratory() as laboratory:
         server, client = laboratory.start("s"), laboratory.start("c")
         server.serve(channel=_CHANNEL)
-        client.ask(channel=_CHANNEL, calls=10)
-        client.wait(channel=_CHANNEL)
+        client.ask(channel=_CHANNEL, calls=10**9)  # Unreachable until it has found the server
+        until(lambda: client.well(channel=_CHANNEL) >= 10, PATIENCE, "the client is answered")
+        client.stop(channel=_CHANNEL)
         refused = client.ask_too_much(channel=_CHANNEL)
         again = client.ask_once(channel=_CHANNEL)
         history = laboratory.end()

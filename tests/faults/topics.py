@@ -128,7 +128,7 @@ def _mismatched(run: Run) -> Result:
         begun = time.monotonic()
         other.subscribe_other(channel=_CHANNEL)
         told: dict[str, float] = {}
-        while len(told) < 2 and time.monotonic() < begun + 10.0:
+        while len(told) < 2 and time.monotonic() < begun + PATIENCE:
             for each in (publisher, other):
                 if each.name not in told and _names_both(laboratory.log(each.name)):
                     told[each.name] = time.monotonic() - begun
@@ -140,7 +140,7 @@ def _mismatched(run: Run) -> Result:
     if delivered:
         violations.append(Violation("mismatch", f"{len(delivered)} messages were delivered"))
     figures = [
-        Figure("both ends said so", max(told.values(), default=10.0), "s", 2, timed=True),
+        Figure("both ends said so", max(told.values(), default=PATIENCE), "s", 2, timed=True),
         Figure("messages delivered", len(delivered), "", 0),
     ]
     return Result(figures, violations)
