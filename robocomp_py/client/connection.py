@@ -6,8 +6,9 @@ import logging
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Self
+from typing import Any
 
+from ..closing import Closing
 from ..errors import ConfigurationError, DeploymentError
 from ..spelling import closest
 from .operations import Topic
@@ -58,7 +59,7 @@ def connect(
     return Connection(session)
 
 
-class Connection(Branch):
+class Connection(Closing, Branch):
     """A running network. Its components are its attributes, and items: `net.world`, `net["world"]`.
 
     It may be used from several threads. Close it, use it as a context manager, or leave it: it closes itself when the
@@ -67,12 +68,6 @@ class Connection(Branch):
 
     def __init__(self, session: Session) -> None:
         super().__init__(session, ())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def __getitem__(self, name: str) -> Any:
         try:

@@ -13,9 +13,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from ..closing import Closing
 from ..errors import DeploymentError, HostUnreachable
 from ..runtime.records import record_of
 from ..transports.runtime_folder import runtime_dir
@@ -110,7 +110,7 @@ class NoSocket(Stuck):
     """A network runs and has no control socket: it is starting or ending."""
 
 
-class Connection:
+class Connection(Closing):
     """A connection to the rcdeploy that runs a network; to be closed.
 
     Raises NotRunning if the network does not run, NoSocket or Stuck if it runs and does not answer. Nothing is
@@ -122,14 +122,6 @@ class Connection:
         self._socket = _connect(Place(network))
         self._rest = b""
         self._is_ended = False
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         self._socket.close()
@@ -161,21 +153,21 @@ class Connection:
         while True:
             if self._told(do, **more) and (answer := self.answer(ANSWER_TIMEOUT_S)) is not None:
                 return answer
-            if time.monotonic() > end:
-                self._insist_running()
-                raise Stuck(self.crowded())
-            time.sleep(LOOK_S)
-            self._connect_again(_COMING_S)
+            self._retry_until(end)
 
     def tell(self, do: str, **more: Any) -> None:
         """Send a request. Raises the same errors as making a connection."""
         end = time.monotonic() + ANSWER_TIMEOUT_S
         while not self._told(do, **more):
-            if time.monotonic() > end:
-                self._insist_running()
-                raise Stuck(self.crowded())
-            time.sleep(LOOK_S)
-            self._connect_again(_COMING_S)
+            self._retry_until(end)
+
+    def _retry_until(self, end: float) -> None:
+        """Make a new connection after a pause. Raises Stuck after `end`, and what making a connection raises."""
+        if time.monotonic() > end:
+            self._insist_running()
+            raise Stuck(self.crowded())
+        time.sleep(LOOK_S)
+        self._connect_again(_COMING_S)
 
     def _told(self, do: str, **more: Any) -> bool:
         """Send a request. Returns whether the connection still existed."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 
+from ..closing import Closing
 from ..innermodel.axes import Array
 from ..innermodel.pictures import Pixels
 from ..innermodel.read import InnerModelError
@@ -66,7 +66,7 @@ class Artist(Protocol):
         """Free what OpenGL has. Idempotent; `load` begins anew."""
 
 
-class Renderer:
+class Renderer(Closing):
     """Draws views of a world. One thread uses it at a time.
 
     OpenGL starts with the first picture. The model that is drawn is made anew when the structure of the world, or the
@@ -106,14 +106,6 @@ class Renderer:
         """Free what OpenGL has. Idempotent; a later picture begins anew."""
         self._stage = None
         self._artist.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class _Here:

@@ -12,8 +12,7 @@ import itertools
 import threading
 import time
 import uuid
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -33,7 +32,7 @@ from ..runtime.monitor import Monitor
 from ..runtime.ports import close_all
 from ..runtime.route import Route
 from ..transports.base import Transport
-from .parts import Victim
+from .parts import ComponentSuite, Victim
 from .patience import SCALE, SOON, wait_until
 
 Steps = Generator[None, None, Any]
@@ -198,17 +197,8 @@ class Client(End):
         super().close()
 
 
-class ActionsConformance(ABC):
-    """The tests. `open_transport` is all that a transport must fill in."""
-
-    @abstractmethod
-    def open_transport(self, owner: str = "test") -> Transport:
-        """A new transport, which reaches all others of its kind in this process and in processes started by it."""
-
-    @pytest.fixture
-    def ending(self) -> Iterator[ExitStack]:
-        with ExitStack() as stack:
-            yield stack
+class ActionsConformance(ComponentSuite):
+    """The tests."""
 
     @pytest.fixture
     def name(self) -> str:

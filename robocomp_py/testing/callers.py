@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -23,8 +22,8 @@ from ..runtime import settings
 from ..runtime.instances import NamedProxies
 from ..runtime.run import Running
 from ..runtime.worker import Worker
-from ..transports.base import Transport
 from .instances import NEWS, TELLER, NewsPublisher, TellerProxy, started_until
+from .parts import ComponentSuite
 from .patience import SOON, wait_until
 
 
@@ -125,26 +124,20 @@ class Echo(_Base):
         pass
 
 
-class CallersSuite(ABC):
-    """The base of tests of callers. `open_transport` is all that a transport must fill in."""
-
-    @abstractmethod
-    def open_transport(self, owner: str = "test") -> Transport:
-        """A new transport, which reaches all others of its kind in this process."""
+class CallersSuite(ComponentSuite):
+    """The base of tests of callers."""
 
     @pytest.fixture
-    def start(self) -> Iterator[Callable[..., Any]]:
-        with ExitStack() as ending:
+    def start(self, ending: ExitStack) -> Callable[..., Any]:
+        def start(kind: type[Worker[Any]], name: str, *sets: str) -> Any:
+            document = settings.Document()
+            for each in sets:
+                settings.override(document, each)
+            checked = settings.check(kind.component, document, name)
+            running = Running(kind, checked, lambda _: lambda config: self.open_transport(config.owner))
+            return started_until(ending, running)
 
-            def start(kind: type[Worker[Any]], name: str, *sets: str) -> Any:
-                document = settings.Document()
-                for each in sets:
-                    settings.override(document, each)
-                checked = settings.check(kind.component, document, name)
-                running = Running(kind, checked, lambda _: lambda config: self.open_transport(config.owner))
-                return started_until(ending, running)
-
-            yield start
+        return start
 
 
 class CallersConformance(CallersSuite):

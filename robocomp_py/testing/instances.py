@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import queue
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from functools import partial
@@ -30,6 +30,7 @@ from ..runtime.route import Route
 from ..runtime.run import Running
 from ..runtime.worker import Worker
 from ..transports.base import Link, Transport
+from .parts import ComponentSuite
 from .patience import SOON, wait_until
 
 _QUERY: Operation[str] = Operation(
@@ -168,20 +169,11 @@ def started_until(ending: ExitStack, running: Running) -> Worker[Any]:
     return running.worker
 
 
-class InstancesSuite(ABC):
-    """The base of tests of named instances. `open_transport` is all that a transport must fill in."""
+class InstancesSuite(ComponentSuite):
+    """The base of tests of named instances."""
 
     running: Running
     """The house that was started last."""
-
-    @abstractmethod
-    def open_transport(self, owner: str = "test") -> Transport:
-        """A new transport, which reaches all others of its kind in this process."""
-
-    @pytest.fixture
-    def ending(self) -> Iterator[ExitStack]:
-        with ExitStack() as stack:
-            yield stack
 
     @pytest.fixture
     def there(self, ending: ExitStack) -> Transport:

@@ -12,6 +12,7 @@ import uuid
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from typing import Any, Protocol
 
 import pytest
@@ -64,6 +65,19 @@ class TransportSuite(ABC):
     def pool(self) -> Iterator[ThreadPoolExecutor]:
         with ThreadPoolExecutor(16) as executor:
             yield executor
+
+
+class ComponentSuite(ABC):
+    """The base of tests with components. `open_transport` is all that a transport must fill in."""
+
+    @abstractmethod
+    def open_transport(self, owner: str = "test") -> Transport:
+        """A new transport, which reaches all others of its kind in this process and in processes started by it."""
+
+    @pytest.fixture
+    def ending(self) -> Iterator[ExitStack]:
+        with ExitStack() as stack:
+            yield stack
 
 
 def topic(name: str, qos: QoS = QoS()) -> Channel:  # noqa: B008 - frozen

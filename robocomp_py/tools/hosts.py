@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from ..closing import Closing
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of
@@ -27,7 +28,7 @@ Options = Mapping[str, Mapping[str, Any]]
 """Of middlewares, by their names."""
 
 
-class Hosts:
+class Hosts(Closing):
     """What runs on this host, and on the other hosts of networks that run here. Closing it ends their scouts.
 
     For any number of threads.
@@ -59,12 +60,6 @@ class Hosts:
         self.posts: Sequence[Post] = ()
         self.lost: Mapping[str, str] = {}
         """The hosts that the last look could not ask, and why."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def renew(self) -> Self:
         """Find the hosts of the networks that run now. Raises RobocompError."""

@@ -9,10 +9,9 @@ import io
 import secrets
 import socket
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 from urllib.parse import parse_qs
 
+from ...closing import Closing
 from ...errors import ConfigurationError
 
 try:
@@ -32,7 +31,7 @@ class _Server(viser.ViserServer):
         return None
 
 
-class Page:
+class Page(Closing):
     """A page, and what is on it: `server`. It is served until `close`."""
 
     def __init__(self, title: str, port: int = 0) -> None:
@@ -55,14 +54,6 @@ class Page:
         """Stop, and let the port go. Idempotent."""
         with contextlib.redirect_stdout(io.StringIO()):  # it prints that it has stopped
             self.server.stop()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _guard(port: int, token: str) -> Callable[[Respond], Respond]:

@@ -27,6 +27,7 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import IO, Any
 
+from ...closing import Closing
 from ..recording.bag import CHUNK, RecordingError
 from ..recording.formats import compression, need_mcap
 from ..recording.reader import Recording
@@ -151,7 +152,7 @@ def _created(path: Path) -> tuple[Path, IO[bytes]]:
             raise RecordingError(f"{free}: {exc.strerror}") from exc
 
 
-class DiaryReader:
+class DiaryReader(Closing):
     """The events of a diary, one after the other, with a look at the next one."""
 
     def __init__(self, path: Path) -> None:
@@ -168,12 +169,6 @@ class DiaryReader:
             self.close()
             raise
         self.start = start
-
-    def __enter__(self) -> DiaryReader:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._events.close()

@@ -8,10 +8,11 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import foxglove
 
+from ...closing import Closing
 from ...errors import DecodeError, EncodeError, TransportError
 from ...threads import start_thread
 from ...wire import names
@@ -70,7 +71,7 @@ class _Waiting(NamedTuple):
     stamp: int
 
 
-class Bridge:
+class Bridge(Closing):
     """A server for Foxglove, and the thread that feeds it. Closing it ends both."""
 
     def __init__(self, name: str, port: int) -> None:
@@ -85,12 +86,6 @@ class Bridge:
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="foxglove", daemon=True)
         start_thread(self._thread)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def address(self) -> str:

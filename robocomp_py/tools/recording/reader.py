@@ -13,8 +13,9 @@ import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from ...closing import Closing
 from ...contract import told
 from ...contract.interface import Operation, Pattern
 from ...contract.qos import QoS
@@ -103,7 +104,7 @@ class Recorded(NamedTuple):
     """CDR, if the topic has no problem."""
 
 
-class Recording:
+class Recording(Closing):
     """An open recording. Closing it closes its files."""
 
     def __init__(self, path: Path) -> None:
@@ -131,12 +132,6 @@ class Recording:
         self.end = max((each.end for each in filled), default=0)
         self.attachments = [each for file in self.files for each in file.attachments]
         """Their names and sizes."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._end.close()

@@ -14,8 +14,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
+from ...closing import Closing
 from ...contract.types import Struct
 from ...errors import DecodeError, EncodeError
 from ...threads import NO_THREAD, start_thread
@@ -65,7 +66,7 @@ class _Waiting(NamedTuple):
     sequence: int
 
 
-class Recorder:
+class Recorder(Closing):
     """A recording that grows. After an error nothing more is written; `error` says why."""
 
     def __init__(
@@ -95,12 +96,6 @@ class Recorder:
         if not all(map(start_thread, self._threads)):
             self.close()
             raise RecordingError(NO_THREAD)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def octets(self) -> int:
