@@ -14,6 +14,7 @@ import heapq
 import itertools
 import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -26,6 +27,11 @@ Job = Callable[[], object]
 
 LAST = math.inf
 """The order of what belongs to no component: it comes after all that is due at the same instant."""
+
+
+_FIRST_LOOK = 0.05
+_SHORT = 0.001
+"""Seconds until `look` is called for the first time, and the least to wait for a call that is due."""
 
 
 class Stepped(Protocol):
@@ -80,7 +86,11 @@ class Pause:
 class Executor:
     """Safe to use only from its events, and from the thread that calls `run`, while `run` is not running."""
 
-    def __init__(self) -> None:
+    def __init__(self, look: Callable[[threading.Thread], float] = lambda thread: math.inf) -> None:
+        """`look` is called from time to time while `run` waits for the thread that runs an event, with that thread.
+
+        It returns the seconds until the next call.
+        """
         self.now = 0
         """The present instant, in ns."""
         self.events = 0
@@ -104,6 +114,8 @@ class Executor:
         self._returned.acquire()
         self._failure: BaseException | None = None
         self._is_stuck = False
+        self._look, self._looks_at = look, time.monotonic() + _FIRST_LOOK
+        """The function, and when to call it next, in seconds of the machine."""
 
     @property
     def stepping(self) -> Sequence[Stepped]:
@@ -127,7 +139,9 @@ class Executor:
         self._until, self._end = until, end
         self._next_thread()
         try:
-            self._returned.acquire()
+            while not self._returned.acquire(timeout=self._until_look()):
+                for thread in [each for each in self._threads if each.ident == self._running]:
+                    self._looks_at = time.monotonic() + self._look(thread)
         except BaseException:  # Ctrl-C: the event that runs comes to its end first, unless there is a second one
             self._until, self._is_stuck = lambda: True, True
             self._returned.acquire()
@@ -139,6 +153,9 @@ class Executor:
             failure, self._failure = self._failure, None
             raise failure
         return bool(until())
+
+    def _until_look(self) -> float:
+        return min(max(_SHORT, self._looks_at - time.monotonic()), threading.TIMEOUT_MAX)
 
     def run_next(self, end: int) -> bool:
         """Run the next event, if there is one until the instant `end`; returns whether there was one."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import linecache
 import logging
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any, Self, TypeVar
 
 from ..contract.component import Component
@@ -22,6 +23,7 @@ from ..transports.memory import keep_memory
 from .executor import Executor
 from .outside import Outside, provided
 from .record import Record
+from .stalls import Stalls, folder_of, line_in
 from .transport import Air
 from .turns import TurnClock, TurnThreads
 
@@ -32,6 +34,9 @@ GRACE = 5.0
 
 PATIENCE = 60.0
 """Virtual seconds that a function of `Simulation.do` may take."""
+
+_ALIVE = (State.COMPUTE, State.EMERGENCY)
+"""Before and after these, a component may well wait for files or devices."""
 
 T = TypeVar("T")
 
@@ -63,12 +68,14 @@ class Simulation:
     def __init__(self, parts: Sequence[Part], seed: int = 0, write: Callable[[str], object] | None = None) -> None:
         """Creates the workers. Raises ComponentError if one cannot be created."""
         keep_memory()
-        self._executor = Executor()
+        self._executor = Executor(look=Stalls(self._tell_stall).look)
         self.record = Record(self._executor, write)
         self._air = air = Air(self._executor, self.record)
         self._parts = parts
         self._components: dict[str, Simulated] = {}
         self._running: list[Running] = []
+        self._stalls: set[tuple[str, str, int]] = set()
+        """The instances and lines that were told to wait for the machine."""
         self._before = set(threading.enumerate())
         for order, part in enumerate(parts):
             clock = TurnClock(self._executor, order)
@@ -157,6 +164,19 @@ class Simulation:
             is_over = is_over and each.state is State.ENDED
         return is_over
 
+    def _tell_stall(self, thread: threading.Thread, frame: FrameType) -> None:
+        """Warn, once for each line of a component, that it waits for the machine."""
+        for each in self._components.values():
+            where = line_in(folder_of(type(each.worker)), frame) if each.acts_on(thread) else None
+            if where and (each.instance, *where) not in self._stalls:
+                self._stalls.add((each.instance, *where))
+                logging.getLogger(each.instance).warning(
+                    "%s:%d waits while virtual time stands still, which slows the simulation: `%s`; "
+                    "`self.sleep` waits in virtual time",
+                    *where,
+                    linecache.getline(*where).strip(),
+                )
+
     def outside(self, name: str) -> Outside:
         """Calls and hears the network as something that is not one of its components, which they see as `name`.
 
@@ -226,6 +246,10 @@ class Simulated:
     def is_inside(self) -> bool:
         """Whether a method of its worker runs, and does not wait."""
         return self._running.monitor.is_inside
+
+    def acts_on(self, thread: threading.Thread) -> bool:
+        """Whether a thread runs `compute`, a timer or a handler of it."""
+        return self.state in _ALIVE and self._running.monitor.turn()[0] == thread.ident
 
     def is_over(self) -> bool:
         return self._running.is_over

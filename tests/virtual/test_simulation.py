@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import json
+import logging
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from typing import Any
 
@@ -302,3 +306,96 @@ def test_components_that_call_each_other_in_initialize_do_not_wait_for_ever() ->
         sim.run(1.0)
         assert "work hello" in sim["second"].worker.entries
         assert not sim.failed
+
+
+class Waiting(Calculator):
+    """Waits for the machine in its second compute, until that is told."""
+
+    def initialize(self) -> None:
+        self.told = threading.Event()
+
+    def compute(self) -> None:
+        if self.now():
+            self.wait_for_the_machine()
+
+    def wait_for_the_machine(self) -> None:
+        self.told.wait(60.0)
+
+
+class Telling(logging.Handler):
+    """Calls a function with each warning."""
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        super().__init__(logging.WARNING)
+        self.tell = tell
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.tell(record.getMessage())
+
+
+@contextlib.contextmanager
+def warnings_of(instance: str, tell: Callable[[str], object]) -> Iterator[None]:
+    handler = Telling(tell)
+    logging.getLogger(instance).addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger(instance).removeHandler(handler)
+
+
+def test_code_that_waits_for_the_machine_is_told_with_its_line_and_the_remedy():
+    told: list[str] = []
+    with Simulation([part(Waiting)]) as sim:
+        sim.run(0.0)
+        waiting = sim["calculator"].worker
+
+        def tell(text: str) -> None:
+            told.append(text)
+            waiting.told.set()
+
+        with warnings_of("calculator", tell):
+            sim.run(1.0)
+    line = inspect.getsourcelines(Waiting.wait_for_the_machine)[1] + 1
+    assert len(told) == 1
+    assert told[0].startswith(f"{__file__}:{line} waits while virtual time stands still")
+    assert "`self.told.wait(60.0)`" in told[0]
+    assert "self.sleep" in told[0]
+
+
+class Waited(Waiting):
+    """Waits for the machine in a handler."""
+
+    def compute(self) -> None: ...
+
+    def Everything_work(self, task: str) -> str:
+        self.wait_for_the_machine()
+        return super().Everything_work(task)
+
+
+def test_a_handler_that_waits_for_the_machine_is_told_as_its_own_component():
+    told: list[str] = []
+    with Simulation([part(Waited), part(Asking)]) as sim:
+
+        def tell(text: str) -> None:
+            told.append(text)
+            sim["calculator"].worker.told.set()
+
+        with warnings_of("calculator", tell):
+            sim.run(0.1)
+    assert len(told) == 1
+
+
+class Computing(Calculator):
+    """Computes for a tenth of a second of processor time in its first compute."""
+
+    def compute(self) -> None:
+        end = time.thread_time() + 0.1
+        while not self.now() and time.thread_time() < end:
+            pass
+
+
+def test_code_that_computes_long_is_not_told_to_wait():
+    told: list[str] = []
+    with warnings_of("calculator", told.append), Simulation([part(Computing), part(Sleeping, "sleeping")]) as sim:
+        sim.run(0.1)
+    assert told == []
