@@ -68,6 +68,7 @@ class Easel:
         """Raises ConfigurationError if OpenGL cannot be used."""
         self._model, self._data = model, mujoco.MjData(model)
         self._positions: Array | None = None
+        self._sheets: dict[tuple[int, int], tuple[Pixels, Depths]] = {}
         self._context = _opened(model.vis.global_.offwidth, model.vis.global_.offheight)
         with self._context.as_current():
             self._pen = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -105,13 +106,21 @@ class Easel:
         mujoco.mjv_updateScene(model, self._data, self._options, None, self._camera, every, self._seen)
         where = mujoco.MjrRect(0, 0, order.width, order.height)
         mujoco.mjr_render(where, self._seen, self._pen)
-        drawn = np.empty((order.height, order.width, 3), np.uint8)
-        values = np.empty((order.height, order.width), np.float32)
+        drawn, values = self._sheet(order.height, order.width)
         mujoco.mjr_readPixels(drawn, values, where, self._pen)
         colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
-        values = values[::-1]
-        np.divide(_SLOPE, values + _OFFSET, out=depths)
-        depths[values == 0.0] = np.nan
+        empty = values == 0.0
+        np.add(values, _OFFSET, out=values)
+        np.divide(_SLOPE, values, out=values)
+        values[empty] = np.nan
+        depths[:] = values[::-1]
+
+    def _sheet(self, height: int, width: int) -> tuple[Pixels, Depths]:
+        """What OpenGL writes to. It is used again: new memory would take time for each picture."""
+        if (height, width) not in self._sheets:
+            shape = height, width
+            self._sheets[shape] = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32)
+        return self._sheets[height, width]
 
     def close(self) -> None:
         """Free what OpenGL has."""

@@ -18,12 +18,11 @@ import numpy as np
 
 from ...contract.component import Port
 from ...contract.interface import Interface
-from ...contract.types import Sequence, Struct, Type, arrays
+from ...contract.types import Struct, Type, arrays
 from ...errors import Closed, RobocompError, TransportError
 from ...innermodel.pictures import Pixels
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
-from ...runtime.ports import has_subscribers
 from ..drawing import Depths
 from ..looks import picture_of
 from ..remote import DrawingLost
@@ -31,7 +30,7 @@ from ..render import Renderer, View
 from .bases import state
 from .motors import states
 from .studio import Shot, Studio
-from .values import declared, filled, operation
+from .values import declared, filled, operation, records
 
 if TYPE_CHECKING:
     from ..world import World
@@ -107,18 +106,6 @@ class Camera:
         return made.reshape(-1, 3)
 
 
-def _pixels(kind: Type, columns: Mapping[str, Any]) -> Any:
-    """A sequence of structs for all pixels as an array of records: as objects they would take a second."""
-    assert isinstance(kind, Sequence)
-    assert isinstance(kind.item, Struct)
-    assert kind.item.dtype is not None
-    made = np.zeros(len(next(iter(columns.values()))), kind.item.dtype)
-    for each in kind.item.fields:
-        if each.name in columns:
-            made[each.attribute] = columns[each.name]
-    return made
-
-
 class _CameraHandler(InstanceHandler):
     def __init__(self, camera: Camera, interface: Interface) -> None:
         self._camera, self._interface = camera, interface
@@ -174,7 +161,7 @@ class CameraRGBDSimpleHandler(_CameraHandler):
         assert isinstance(kind, Struct)
         (points,) = (each.type for each in kind.fields if each.name == "points")
         x, y, z = self._camera.points(shot.picture.depths).T
-        values = {"points": _pixels(points, {"x": x, "y": y, "z": z})}
+        values = {"points": records(points, {"x": x, "y": y, "z": z})}
         return filled(kind, values | self._camera.about(shot.time))
 
 
@@ -260,8 +247,8 @@ class RGBDHandler(_CameraHandler):
             "rgbMatrix": lambda kind: colours.reshape(-1),
             "distanceMatrix": lambda kind: depths.reshape(-1) * np.float32(1000),
             "depth": lambda kind: depths.reshape(-1) * np.float32(1000),
-            "color": lambda kind: _pixels(kind, {"red": red, "green": green, "blue": blue}),
-            "points": lambda kind: _pixels(kind, dict(zip("xyzw", self._points(depths).T, strict=True))),
+            "color": lambda kind: records(kind, {"red": red, "green": green, "blue": blue}),
+            "points": lambda kind: records(kind, dict(zip("xyzw", self._points(depths).T, strict=True))),
             "pointStream": lambda kind: self._points(depths).reshape(-1).view(np.uint8),
         }
         return tuple(made[each.name](each.type) if each.name in made else carried[each.name] for each in outputs)
@@ -314,13 +301,13 @@ class DisplayHandler(InstanceHandler):
 
 
 class CameraPublication:
-    """Publishes what a camera sees, while there is a subscriber.
+    """Publishes what a camera sees.
 
     Pictures are drawn into the memory that is sent. Those for which there is no time are left out.
     """
 
     def __init__(self, camera: Camera, port: Port, proxy: Any) -> None:
-        self._camera, self._proxy = camera, proxy
+        self._camera = camera
         (published,) = port.interface.operations
         self._inputs = published.inputs
         self._loan = getattr(proxy, f"loan{published.name[0].upper()}{published.name[1:]}")
@@ -334,7 +321,7 @@ class CameraPublication:
 
     def __call__(self) -> None:
         """Publish what it sees now, unless the picture before is still being drawn."""
-        if self._is_broken or not has_subscribers(self._proxy) or (self._drawing and not self._drawing.done()):
+        if self._is_broken or (self._drawing and not self._drawing.done()):
             return
         view, time = self._camera.world.view(), self._camera.time
         self._drawing = self._camera.studio.do(partial(self._publish, view, time))

@@ -27,9 +27,9 @@ _NEAR = math.radians(0.5)
 """How far a point may be from the direction that a decimation keeps, rad."""
 
 
-def scanned(world: World, laser: str, kind: Type) -> Any:
-    """A scan as a TLaserData: angles in rad, to the right; distances in mm."""
-    return rows(kind, {"angle": world.angles(laser), "dist": world.scan(laser)})
+def scanned(world: World, laser: str) -> dict[str, Array]:
+    """The columns of a TLaserData: angles in rad, to the right; distances in mm."""
+    return {"angle": world.angles(laser), "dist": world.scan(laser)}
 
 
 class LaserHandler(InstanceHandler):
@@ -42,7 +42,7 @@ class LaserHandler(InstanceHandler):
 
     def getLaserData(self) -> Any:
         """The scan of now, from the right to the left."""
-        return scanned(self._world, self._laser.id, self._scan)
+        return rows(self._scan, scanned(self._world, self._laser.id))
 
     def getLaserAndBStateData(self) -> tuple[Any, Any]:
         """The scan, and the state of the base that carries the laser; zeros if none does."""

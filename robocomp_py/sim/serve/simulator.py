@@ -32,7 +32,7 @@ from .motors import JointMotorHandler, states
 from .offers import carried_by, motors, names_of, offers
 from .pace import Pace
 from .sensors import FullPoseEstimationHandler, IMUHandler, TouchSensorHandler, measured, posed
-from .values import filled, operation
+from .values import filled, operation, records
 
 try:
     from ..editing import EditError, Editing
@@ -107,7 +107,7 @@ class Simulator(Controlled, Managed):
         for port in self.component.ports:
             if port.interface.short == "SimulationPub" and port not in self.component.named:
                 progress, proxy = Progress(self.world, self._pace, port), getattr(self, port.attribute)
-                self._publications[port.name, ""] = partial(_tell, progress, proxy)
+                self._publications[port.name, ""] = partial(_if_heard, proxy, partial(_tell, progress, proxy))
 
     def _provide(self) -> None:
         """Add what the scene has and the network declares, and remove what the scene has no longer."""
@@ -127,13 +127,15 @@ class Simulator(Controlled, Managed):
                 elif isinstance(instances, NamedHandlers):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
-                    self._publications[port.name, name] = self._publication(port, name, instances.add(name))
+                    proxy = instances.add(name)
+                    publish = self._publication(port, name, proxy)
+                    self._publications[port.name, name] = partial(_if_heard, proxy, publish)
             if port.interface.short == "JointMotor" and isinstance(instances, NamedHandlers):
                 for name, handler in instances.items():
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
 
     def compute(self) -> None:
-        """Go on to the present time, and publish."""
+        """Go on to the present time, and publish what has subscribers."""
         self.follow()
         for publish in list(self._publications.values()):
             publish()
@@ -209,7 +211,7 @@ class Simulator(Controlled, Managed):
         match port.interface.short:
             case "LaserPub":
                 kind = operation(port.interface, "pushLaserData").inputs[0].type
-                return lambda: proxy.pushLaserData(scanned(self.world, name, kind))
+                return lambda: proxy.pushLaserData(records(kind, scanned(self.world, name)))
             case "Lidar3DPub":
                 return partial(
                     self._publish_cloud, name, operation(port.interface, "pushLidarData").inputs[0].type, proxy
@@ -231,9 +233,8 @@ class Simulator(Controlled, Managed):
         raise AssertionError(f"`offers` has no {port.interface.short}")
 
     def _publish_cloud(self, name: str, kind: Type, proxy: Any) -> None:
-        if has_subscribers(proxy):
-            time = self.now() // 1_000_000
-            proxy.pushLidarData(classified(self.world.cloud(name), kind, period=self.period, time=time))
+        time = self.now() // 1_000_000
+        proxy.pushLidarData(classified(self.world.cloud(name), kind, period=self.period, time=time))
 
     def _camera(self, name: str) -> Camera:
         base, joints = carried_by(self._tree, name)
@@ -247,6 +248,11 @@ class Simulator(Controlled, Managed):
         while name and name not in self.world.bases:
             name = self._tree.node(name).parent
         return name
+
+
+def _if_heard(proxy: Any, publish: Callable[[], None]) -> None:
+    if has_subscribers(proxy):
+        publish()
 
 
 def _tell(progress: Progress, proxy: Any) -> None:

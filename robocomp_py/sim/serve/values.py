@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...contract.interface import Interface, Operation
 from ...contract.types import Sequence, Struct, Type
-from ...innermodel.axes import Array
 
 
 def operation(interface: Interface, name: str) -> Operation[Any]:
@@ -32,16 +32,28 @@ def filled(kind: Type, values: Mapping[str, Any]) -> Any:
     return kind.python(**{each.attribute: values[each.name] for each in kind.fields if each.name in values})
 
 
-def rows(kind: Type, columns: Mapping[str, Array]) -> Any:
-    """A sequence of structs from arrays of one length, by the names of the fields."""
+def records(kind: Type, columns: Mapping[str, NDArray[Any]]) -> Any:
+    """A sequence of structs from arrays of one length, by the names of the fields.
+
+    It is an array of records, if the struct is flat: messages take it in place of objects, which take much longer.
+    """
+    assert isinstance(kind, Sequence)
+    assert isinstance(kind.item, Struct)
+    if kind.item.dtype is None:
+        return rows(kind, columns)
+    made = np.zeros(len(next(iter(columns.values()))), kind.item.dtype)
+    for each in kind.item.fields:
+        if each.name in columns:
+            made[each.attribute] = columns[each.name]
+    return made
+
+
+def rows(kind: Type, columns: Mapping[str, NDArray[Any]]) -> Any:
+    """The same as objects, unless the sequence is declared as `[records]`."""
     assert isinstance(kind, Sequence)
     assert isinstance(kind.item, Struct)
     if kind.dtype is not None:
-        made = np.zeros(len(next(iter(columns.values()))), kind.dtype)
-        for each in kind.item.fields:
-            if each.name in columns:
-                made[each.attribute] = columns[each.name]
-        return made
+        return records(kind, columns)
     known = [each for each in kind.item.fields if each.name in columns]
     lists = [columns[each.name].tolist() for each in known]
     if tuple(known) == kind.item.fields and kind.item.python is not None:
