@@ -187,7 +187,7 @@ def _send(options: argparse.Namespace, hosts: Hosts) -> int:
         print(json.dumps(values.template(action.inputs)))
         return USAGE
     try:
-        taken = values.take_fields(action.inputs, arguments_of(options.arguments), action.name)
+        taken = values.take_fields(action.inputs, arguments_of(options.arguments, action.inputs), action.name)
     except ValueError as exc:
         say("rc action send", str(exc))
         return USAGE

@@ -15,6 +15,7 @@ from .common import FINE, UNREACHABLE, USAGE, WRONG
 from .completing import What, completed
 
 if TYPE_CHECKING:
+    from ..contract.types import Field
     from ..runtime.RoboCompIntrospection import End
     from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
@@ -262,14 +263,14 @@ def request_of(channel: Channel, words: list[str], command: str, told: End | Non
         print(json.dumps(values.template(inputs)))
         return None
     try:
-        return values.take_fields(inputs, arguments_of(words), channel.operation.name)
+        return values.take_fields(inputs, arguments_of(words, inputs), channel.operation.name)
     except ValueError as exc:
         say(command, str(exc))
         return None
 
 
-def arguments_of(words: list[str]) -> Any:
-    """The object that these words of a command line describe. Raises ValueError."""
+def arguments_of(words: list[str], inputs: Sequence[Field]) -> Any:
+    """The object that these words of a command line describe. Raises ValueError, with what these inputs need."""
     if len(words) == 1 and words[0].startswith("@"):
         path = Path(words[0][1:])
         try:
@@ -282,7 +283,8 @@ def arguments_of(words: list[str]) -> Any:
     for word in words:
         path_, equals, text = word.partition("=")
         if not equals:
-            raise ValueError(f"`{word}` is neither FIELD=VALUE, nor a JSON object, nor @FILE")
+            hint = _assigned(words, [each.name for each in inputs])
+            raise ValueError(f"`{word}` is neither FIELD=VALUE, nor a JSON object, nor @FILE{hint}")
         *above, last = path_.split(".")
         inner = found
         for name in above:
@@ -291,6 +293,15 @@ def arguments_of(words: list[str]) -> Any:
                 raise ValueError(f"`{word}`: `{name}` has a value of its own")
         inner[last] = _value(text)
     return found
+
+
+def _assigned(words: Sequence[str], names: Sequence[str]) -> str:
+    """How to write words that name no field: `; write factor=3`."""
+    if words[0] in names:
+        values = words[1:2] if len(words) == 2 else ["VALUE"]
+        return f"; write {words[0]}={values[0]}"
+    is_by_position = len(words) == len(names) and not any("=" in each for each in words)
+    return f"; write {' '.join(map('='.join, zip(names, words, strict=True)))}" if is_by_position else ""
 
 
 def _value(text: str) -> Any:

@@ -380,7 +380,13 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
     ("arguments", "code", "why"),
     [
         (("call", "divide", "dividend=1"), 2, "divide: lacks `divisor`; it takes {dividend int64, divisor int64}"),
-        (("call", "divide", "dividend"), 2, "`dividend` is neither FIELD=VALUE, nor a JSON object, nor @FILE"),
+        (
+            ("call", "divide", "dividend"),
+            2,
+            "is neither FIELD=VALUE, nor a JSON object, nor @FILE; write dividend=VALUE",
+        ),
+        (("call", "divide", "dividend", "7"), 2, "nor a JSON object, nor @FILE; write dividend=7"),
+        (("call", "divide", "7", "2"), 2, "nor a JSON object, nor @FILE; write dividend=7 divisor=2"),
         (("call", "divide", "{"), 2, "the argument is no JSON"),
         (("call", "divide", "@nowhere.json"), 2, "nowhere.json: No such file or directory"),
         (("call", "divide", "dividend.x=1", "dividend=2", "divisor=3", "dividend.y=1"), 2, "has a value of its own"),
