@@ -471,7 +471,9 @@ class _Values:
         tag = self._element.tag
         near = closest(name, tag.attributes)
         hint = f"did you mean `{near}`?" if near else f"known: {', '.join(tag.attributes) or 'none'}"
-        self._reader.error("unknown-attribute", f"<{tag.name}> has no attribute `{name}`", self._place(name), hint)
+        self._reader.error(
+            "unknown-attribute", f"<{tag.name}> has no attribute `{name}`", self._place_of_name(name), hint
+        )
 
     def _value(self, attribute: Attribute, text: str, name: str) -> Value:
         match attribute.kind:
@@ -540,6 +542,13 @@ class _Values:
 
     def _warning(self, code: str, message: str, name: str = "") -> None:
         self._reader.warning(code, message, self._place(name) if name else self._element.place)
+
+    def _place_of_name(self, name: str) -> Place:
+        span, document, octets = self._element.spans.get(name), self._element.document, name.encode()
+        if span is None:
+            return self._element.place
+        start = document.data.rindex(octets, 0, span[0])
+        return document.place(start, start + len(octets))
 
     def _place(self, name: str) -> Place:
         span = self._element.spans.get(name)

@@ -28,6 +28,12 @@ def test_every_tag_is_read_without_its_optional_attributes(tmp_path: Path) -> No
     assert [each.tag.name for each in found.elements] == tags
 
 
+def test_an_unknown_attribute_is_told_where_its_name_stands(tmp_path: Path) -> None:
+    (problem,) = model(tmp_path, '<translation id="tz" tz = "1" ty2="ty2"/>').problems
+    assert (problem.code, problem.place.line, problem.place.column) == ("unknown-attribute", 2, 31)
+    assert (tmp_path / "house.xml").read_bytes()[problem.place.start : problem.place.end] == b"ty2"
+
+
 def test_every_attribute_of_every_tag_is_read(tmp_path: Path) -> None:
     for tag in TAGS.values():
         texts = " ".join(
