@@ -48,11 +48,21 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
     except ComponentError:
         raise
     except Exception as exc:
-        raise ComponentError(f"{folder.name} cannot be imported\n{user_trace(exc)}") from exc
+        raise ComponentError(f"{folder.name} cannot be imported\n{user_trace(exc)}{_dotted(exc)}") from exc
     worker = getattr(module, "SpecificWorker", None)
     if not (inspect.isclass(worker) and issubclass(worker, Worker)):
         raise ComponentError(f"{folder / 'specificworker.py'} has no class SpecificWorker(GenericWorker)")
     return worker
+
+
+def _dotted(exc: Exception) -> str:
+    """Advice for an import of what stands in the folder of the component, which needs a dot; "" for other errors."""
+    name = exc.name if isinstance(exc, ModuleNotFoundError) and exc.name else ""
+    return (
+        f"\nwrite `from .{name} import …`, with a dot: a component is a package"
+        if name.split(".")[0] == "generic"
+        else ""
+    )
 
 
 def _missing(folder: Path) -> str:

@@ -16,7 +16,9 @@ from typing import Any
 import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.errors import ComponentError
 from robocomp_py.runtime.ending import grace_of
+from robocomp_py.runtime.load import load_worker
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +27,16 @@ def hello(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("components") / "hello"
     assert rcgen(["--new", "Hello", "-o", str(folder)]) == 0
     return folder
+
+
+def test_an_import_without_its_dot_is_told_with_the_remedy(tmp_path: Path) -> None:
+    assert rcgen(["--new", "Robot", "-o", str(tmp_path / "robot")]) == 0
+    worker = tmp_path / "robot" / "specificworker.py"
+    worker.write_text(worker.read_text().replace("from .generic", "from generic"))
+    with pytest.raises(
+        ComponentError, match=r"write `from \.generic\S* import …`, with a dot: a component is a package"
+    ):
+        load_worker(tmp_path / "robot", afresh=True)
 
 
 def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

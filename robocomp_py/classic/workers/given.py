@@ -12,14 +12,22 @@ from typing import Any
 
 from ...contract.parameters import Key
 from ...runtime.document import Document, parsed
+from ...spelling import unknown
 from .. import configuration as classic
 
 Entries = dict[tuple[str, ...], Any]
 
 
+class _Table(dict[str, Any]):
+    """A part of a configuration, which proposes a key for a misspelt one."""
+
+    def __missing__(self, key: str) -> Any:
+        raise KeyError(unknown("parameter", str(key), self))
+
+
 def entries(document: Document, period: float) -> tuple[dict[str, str], dict[str, Any]]:
     """The parameters as texts and as tables, with overrides of the file in both. `period` is in seconds."""
-    texts: dict[str, str] = {}
+    texts: dict[str, str] = _Table()
     values: Entries = {}
     for names, text, value in _of_file(document):
         texts[".".join(names)], values[names] = text, value
@@ -53,13 +61,13 @@ def _set(data: Mapping[str, Any], overridden: list[Key]) -> list[tuple[tuple[str
 
 
 def _nested(values: Entries, period: float) -> dict[str, Any]:
-    tables: dict[str, Any] = {"Period": {"Compute": round(period * 1000), "Emergency": 500}}
+    tables: dict[str, Any] = _Table({"Period": _Table({"Compute": round(period * 1000), "Emergency": 500})})
     for names, value in values.items():
         table = tables
         for name in names[:-1]:
-            below = table.setdefault(name, {})
+            below = table.setdefault(name, _Table())
             if not isinstance(below, dict):
-                below = table[name] = {}  # `a = 1` and `a.b = 2`: the later one counts
+                below = table[name] = _Table()  # `a = 1` and `a.b = 2`: the later one counts
             table = below
         table[names[-1]] = value
     return tables

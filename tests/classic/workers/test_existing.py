@@ -673,6 +673,16 @@ def test_since_2025_they_are_tables_of_values(tmp_path: Path) -> None:
     assert (given["fast"], given["width"], given["Ice"]) == (True, 640, {"Warn": {"Connections": 0}})
 
 
+def test_for_a_misspelt_parameter_the_one_that_was_meant_is_proposed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = "\n    def setParams(self, params):\n        self.seen.append(params['widht'])\n"
+    folder = server(tmp_path, code, config=OF_2021.files["etc/config"])
+    with running(folder):
+        pass
+    assert "unknown parameter `widht`; did you mean `width`?" in caplog.text
+
+
 def test_it_runs_in_its_own_folder_if_it_has_the_process_for_itself(
     arms: dict[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
