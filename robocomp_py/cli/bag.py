@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, print_table
 from .completing import What, completed
-from .live import add_json, positive, reported
+from .live import add_json, positive, reported, say
 from .record import add_compress, add_splitting, size
 
 if TYPE_CHECKING:
@@ -248,6 +248,8 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _told(options: argparse.Namespace, count: int) -> int:
+    if not count:
+        say(f"rc bag {options.does}", f"{options.folder} has no messages: none was in this part of the recording")
     told = {"folder": str(options.folder), "messages": count}
     print(json.dumps(told) if options.json else f"{options.folder}: {count} messages")
     return FINE if count else WRONG

@@ -289,6 +289,15 @@ arm.idsl:1:1: error[syntax]: a merge conflict is not resolved here
     ^^^^^^^^^^^^
     keep one of the two versions, and remove the lines of `<<<<<<<`, `=======` and `>>>>>>>`""",
     ),
+    "several names in one clause": (
+        "arm.ddsl",
+        "Deployment arm { Component hall { offers front, back : Range; }; };",
+        """\
+arm.ddsl:1:47: error[syntax]: unexpected `,`; expected `:`
+    Deployment arm { Component hall { offers front, back : Range; }; };
+                                                  ^
+    each name has a clause of its own: offers front : Laser; offers back : Laser;""",
+    ),
     "an import without quotes": (
         "arm.idsl",
         "import Laser.idsl;\nmodule Arm { };",

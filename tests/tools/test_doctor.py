@@ -168,6 +168,11 @@ def test_a_publisher_that_nothing_hears_is_only_noted() -> None:
     assert found.startswith("note world publishes world/Everything/news, and nothing subscribes to it: ")
 
 
+def test_the_topics_of_an_action_may_have_no_subscriber() -> None:
+    action = [end("world", "serves", "world/Arm/go-start"), end("world", "publishes", "world/Arm/go-feedback")]
+    assert findings(facts(*action), "unheard") == []
+
+
 def test_two_processes_of_one_name_are_found_once() -> None:
     more = [replace(each, told=each.told._replace(pid=9)) for each in (WORLD, NEWS)]
     (found,) = findings(facts(WORLD, NEWS, *more), "twice")

@@ -186,6 +186,8 @@ def _target(host: Host, *, for_us: bool = False) -> str:
 def _reason(exc: Exception) -> str:
     if isinstance(exc, TimeoutError):
         return f"no answer in {CONNECT_TIMEOUT:g} s"
+    if isinstance(exc, ConnectionRefusedError):  # asyncio's text is `Connect call failed`, with a tuple
+        return "no SSH server answers at its port"
     if isinstance(exc, OSError):
         return exc.strerror or str(exc) or type(exc).__name__
     return shown(getattr(exc, "reason", "") or str(exc)) or type(exc).__name__

@@ -21,6 +21,8 @@ _HINTS = {
     r"\b(?-i:host)\s+\w+\s*;?\s*\{": _DESCRIBE,
     r"\bhost\s+\w+\s*;": 'say where it is: host onboard { address "192.168.1.10"; };',
     r"\boffers\s+\w+\s*;": "name its interfaces: offers front : Laser;",
+    r"\boffers\s+\w+\s*,": "each name has a clause of its own: offers front : Laser; offers back : Laser;",
+    r"\b(?:requires|subscribesTo)\s+\w+\s*;": "name the instance that provides it: requires Laser from front;",
     **misplaced_hints(),
     r"\w\s+/\s*\w|\w\s*/\s+\w": "there are no spaces around the slash: left/arm",
     r"\brestart\s+\w+\s+\d\S*": "settings have names and are written in parentheses: restart on_failure(intensity 5);",

@@ -176,6 +176,11 @@ def test_a_part_is_cut_out(run: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert numbers_in(tmp_path / "part") == [2, 3, 4]
 
 
+def test_a_part_without_messages_is_told(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = complained(capsys, "bag", "cut", run, "-o", tmp_path / "part", "--start", 100)
+    assert told.endswith("part has no messages: none was in this part of the recording\n")
+
+
 def test_recordings_are_merged_in_the_order_of_their_times(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
