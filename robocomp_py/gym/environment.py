@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..client.values import fitted
 from ..contract.interface import Pattern
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, EncodeError
 from ..spelling import unknown
 from ..testing.simulation import network_parts
 from ..virtual.outside import Provided, found, provided
 from ..virtual.simulation import Simulation
+from ..wire.explain import explain
 from .driving import MOST_SEED, Driver, driver
 from .values import Action, Observation, Range
 
@@ -76,6 +77,9 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         cannot be simulated, KeyError for an unknown operation, ValueError for what does not fit one, and
         ComponentError if the network does not start.
         """
+        for what, given in (("actions", actions), ("observations", observations)):
+            if not isinstance(given, Mapping):
+                raise TypeError(f"{what}: it must be a dictionary, not {given!r}")
         if not 0.0 < seconds <= 1000.0:
             raise ValueError(f"a step of {seconds} s: it has to be more than 0, and at most 1000")
         parts = network_parts(network, include=include, settings=settings)
@@ -112,7 +116,7 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         """Call an operation of the network now, by the names of its inputs, and return its result.
 
         Structs may be given as dictionaries of their fields. Raises KeyError for an unknown operation, TypeError for
-        wrong names of inputs, and what the call of a component raises.
+        wrong names of inputs, EncodeError for wrong values, and what the call of a component raises.
         """
         each = found(operation, self._network)
         known = [field.name for field in each.operation.inputs]
@@ -120,8 +124,15 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
             raise TypeError(
                 f"{operation} takes {', '.join(known) or 'nothing'}, and not {', '.join(inputs) or 'nothing'}"
             )
-        values = tuple(fitted(field.type, inputs[field.name], field.name) for field in each.operation.inputs)
-        return self._driver.call(operation, values)
+        values = tuple(
+            fitted(field.type, inputs[field.name], f"{operation}: {field.name}") for field in each.operation.inputs
+        )
+        try:
+            return self._driver.call(operation, values)
+        except (TypeError, ValueError) as exc:  # a scene is called without a codec, which would check the values
+            if wrong := explain(each.operation.request, values):
+                raise EncodeError(wrong) from exc
+            raise
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -154,8 +165,10 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         self._driver.step({each.name: each.arguments(taken) for each in self._actions})
         before, self._now = self._now, self._observed()
         self._is_over = bool(self._ended(self._now))
-        reward = float(self._reward(before, chosen, self._now))
-        return _copied(self._now), reward, self._is_over, False, {}
+        reward = self._reward(before, chosen, self._now)
+        if not isinstance(reward, SupportsFloat):
+            raise TypeError(f"reward: it returned {reward!r}, which is not a number")
+        return _copied(self._now), float(reward), self._is_over, False, {}
 
     def close(self) -> None:
         """Stop the network. Idempotent."""
@@ -172,6 +185,8 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
     def _observation(self, name: str, bounds: Range | None) -> tuple[str, Observation]:
         operation, _, path = name.partition(".")
         each = self._found(operation)
+        if not isinstance(bounds, Range | None):
+            raise TypeError(f"{name}: give it a Range, or None, and not {bounds!r}")
         if each.pattern is Pattern.PUBLISH:
             fields = each.operation.inputs
         elif each.operation.inputs:

@@ -64,6 +64,8 @@ class Action:
         Raises ValueError for arguments that do not fit the operation, with the name of the wrong one.
         """
         self.name = name
+        if not isinstance(arguments, Mapping):
+            raise TypeError(f"{name}: its inputs are a dictionary from their names to values, not {arguments!r}")
         known = [each.name for each in operation.inputs]
         if wrong := next((each for each in arguments if each not in known), None):
             raise ValueError(f"{name}: {unknown('parameter', wrong, known)}")
@@ -77,7 +79,7 @@ class Action:
             try:
                 encode(self.arguments(iter([share] * self.size)))
             except EncodeError as exc:
-                raise ValueError(f"{name}: {exc}") from exc
+                raise ValueError(f"{name}: {str(exc).removeprefix(f'{operation.called}: ')}") from exc
 
     def arguments(self, taken: Taken) -> tuple[Any, ...]:
         """The inputs in their order, with the next `size` parts of an action, each from -1 to 1."""

@@ -17,7 +17,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FlattenObservation
 
-from robocomp_py.errors import Closed, ComponentError, DeploymentError
+from robocomp_py.errors import Closed, ComponentError, DeploymentError, EncodeError
 from robocomp_py.gym import NetworkEnv, Range
 
 DRIVE = "base/DifferentialRobot/setSpeedBase"
@@ -231,12 +231,16 @@ def test_several_run_in_one_process(networks: Path) -> None:
         ),
         ({"observations": {"joints/JointMotor/getMotorState.ret.pos": Range(0, 1)}}, "needs motor"),
         ({"observations": {"base/DifferentialRobot/stopBase.x": None}}, "has no result"),
+        ({"observations": [SCAN]}, "observations: it must be a dictionary"),
+        ({"observations": {SCAN: (0, 6000)}}, "give it a Range, or None"),
+        ({"actions": {DRIVE: Range(0, 1)}}, "its inputs are a dictionary"),
+        ({"actions": {DRIVE: {"adv": Range(0, 1), "rot": "x"}}}, "setSpeedBase: rot must be a float"),
         ({"seconds": 0.0}, "more than 0"),
         ({"seconds": 0.012}, "multiple of the tick"),
     ],
 )
 def test_what_the_network_has_not_is_told_before_anything_is_learnt(make: Make, how: dict[str, Any], says: str) -> None:
-    with pytest.raises((ValueError, KeyError), match=says):
+    with pytest.raises((ValueError, KeyError, TypeError), match=says):
         make("scene.ddsl", **how)
 
 
@@ -256,6 +260,15 @@ def test_a_wrong_action_is_refused(make: Make) -> None:
         env.reset(options={"quick": True})
     with pytest.raises(TypeError, match="adv, rot"):
         env.call(DRIVE, adv=1.0)
+    with pytest.raises(EncodeError, match="rot must be a float"):
+        env.call(DRIVE, adv=1.0, rot="left")
+
+
+def test_a_reward_that_is_no_number_is_refused(make: Make) -> None:
+    env = make("scene.ddsl", reward=lambda before, action, after: None)
+    env.reset(seed=1)
+    with pytest.raises(TypeError, match="reward: it returned None, which is not a number"):
+        env.step(np.zeros(2, np.float32))
 
 
 def test_a_network_that_cannot_be_simulated_is_told(make: Make, networks: Path) -> None:

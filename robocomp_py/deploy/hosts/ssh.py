@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shlex
+import socket
 from collections.abc import Sequence
 from typing import Any
 
@@ -188,6 +189,8 @@ def _reason(exc: Exception) -> str:
         return f"no answer in {CONNECT_TIMEOUT:g} s"
     if isinstance(exc, ConnectionRefusedError):  # asyncio's text is `Connect call failed`, with a tuple
         return "no SSH server answers at its port"
+    if isinstance(exc, socket.gaierror):
+        return "unknown host name; give its address"
     if isinstance(exc, OSError):
         return exc.strerror or str(exc) or type(exc).__name__
     return shown(getattr(exc, "reason", "") or str(exc)) or type(exc).__name__

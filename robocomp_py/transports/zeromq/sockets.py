@@ -74,7 +74,8 @@ def as_transport_error(doing: str) -> Iterator[None]:
     try:
         yield
     except zmq.ZMQError as exc:
-        raise TransportError(f"zeromq: {doing}: {exc}") from exc
+        advice = "the address is in use by another program: end it, or choose another port"
+        raise TransportError(f"zeromq: {doing}: {advice if exc.errno == zmq.EADDRINUSE else exc}") from exc
 
 
 _send: Callable[[zmq.Socket[Any], Any, int], object] = zmq.backend.Socket.send

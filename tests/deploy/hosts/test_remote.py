@@ -473,6 +473,11 @@ def test_a_failed_login_is_reported_with_a_remedy(tmp_path: Path):
     scene(act)
 
 
+def test_a_name_that_no_host_has_is_told():
+    with pytest.raises(HostUnreachable, match=r"nowhere\.invalid cannot be reached: unknown host name; give its"):
+        ssh.presented("nowhere.invalid")
+
+
 def test_a_host_that_does_not_answer_is_named(tmp_path: Path):
     async def act() -> None:
         async with serving(tmp_path) as server:
