@@ -28,6 +28,7 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
         pytest.param("docs/guides/named-instances", 15, marks=LONG),
         ("docs/guides/processes", 6),
         ("docs/guides/rerun", 8),
+        ("docs/guides/ros2", 1),
         ("docs/guides/security", 6),
         ("docs/guides/simulating", 9),
         ("docs/guides/supervision", 4),
