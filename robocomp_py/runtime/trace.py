@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import sys
 import traceback
 from collections.abc import Hashable
 from pathlib import Path
 from types import FrameType
 
 from ..errors import RobocompError
+from ..spelling import closest
+
+log = logging.getLogger(__name__)
 
 _PACKAGE = Path(__file__).parent.parent
 _PLUMBING = f"{_PACKAGE}{os.sep}"
@@ -29,7 +34,21 @@ def user_trace(exc: BaseException) -> str:
         if kept or isinstance(exc, SyntaxError):  # a SyntaxError states its place itself
             part.stack = traceback.StackSummary.from_list(kept)
         part = part.__cause__ or part.__context__
-    return "".join(told.format()).rstrip()
+    return "".join(told.format()).rstrip() + _meant(exc)
+
+
+def _meant(exc: BaseException) -> str:
+    """The attribute that was meant by a misspelt one, as Python's own traceback has it on a terminal; or ""."""
+    if sys.version_info >= (3, 12) or not isinstance(exc, AttributeError):  # 3.12 has it in `traceback`
+        return ""
+    if exc.name is None or not str(exc).endswith(f" has no attribute {exc.name!r}"):  # others propose by themselves
+        return ""
+    try:
+        near = closest(exc.name, dir(exc.obj))
+    except Exception:  # of a `__dir__` that is not ours: then there is no proposal
+        log.debug("the attributes of %s cannot be listed", type(exc.obj).__name__, exc_info=True)
+        return ""
+    return f". Did you mean: {near!r}?" if near else ""
 
 
 def frames_in(folder: Path, exc: BaseException) -> list[tuple[FrameType, int]]:
