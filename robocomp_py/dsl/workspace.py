@@ -14,11 +14,9 @@ they are searched for its last part.
 from __future__ import annotations
 
 import codecs
-import gc
 import os
 import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path, PurePosixPath
@@ -30,6 +28,7 @@ from ..contract.interface import Interface
 from ..contract.module import Definition, Module
 from ..contract.parameters import ParameterSet
 from ..contract.statemachine import StateMachine
+from ..garbage import no_collection
 from .cdsl.check import Surroundings
 from .cdsl.check import check as check_cdsl
 from .cdsl.link import link as link_cdsl
@@ -542,18 +541,6 @@ def _machine_parser(path: Path) -> Callable[[Source, Report], SmdslFile | None]:
     from .smdsl.parser import parse
 
     return parse
-
-
-@contextmanager
-def no_collection() -> Iterator[None]:
-    """While entered, garbage collection is off: models hold no cycles, and collecting slows down as they grow."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _decoded(path: Path, data: bytes, report: Report) -> Source | None:

@@ -209,9 +209,16 @@ class Network:
         """All that are understood, also those that name no instance."""
         return self._ends
 
-    def stock(self, interface: str) -> list[Channel]:
+    def stock(self, interface: str) -> Sequence[Channel]:
         """The channels of an interface of the framework, also if these do not belong to the network."""
-        return [each for each in self.stocked.values() if names.segment(each.name) == interface]
+        return self._by_interface.get(interface, [])
+
+    @cached_property
+    def _by_interface(self) -> Mapping[str, list[Channel]]:
+        found: dict[str, list[Channel]] = {}
+        for each in self.stocked.values():
+            found.setdefault(names.segment(each.name), []).append(each)
+        return found
 
     @cached_property
     def stocked(self) -> Mapping[str, Channel]:

@@ -28,7 +28,8 @@ def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int
     from ...deploy.auto import usable
     from ...deploy.hosts.addresses import found, is_here
     from ...deploy.planner import make_plan
-    from ...dsl.workspace import Workspace, no_collection
+    from ...dsl.workspace import Workspace
+    from ...garbage import no_collection
 
     try:
         overrides = overrides_of(options)

@@ -27,10 +27,14 @@ class Connection:
     uses: tuple[Use, ...]
 
 
-def picture(look: Look) -> Graph:
-    """The graph of a look. Raises ConfigurationError if the plan of the network is of another version."""
+def picture(look: Look, arrows: Sequence[Connection] | None = None) -> Graph:
+    """The graph of a look; `arrows` are its connections if they are known already.
+
+    Raises ConfigurationError if the plan of the network is of another version.
+    """
     name = look.drift.network or "what runs here"
-    return Graph(name, nested(name, _places(look)), tuple(each.edge for each in connections(look)))
+    found = connections(look) if arrows is None else arrows
+    return Graph(name, nested(name, _places(look)), tuple(each.edge for each in found))
 
 
 def connections(look: Look) -> list[Connection]:

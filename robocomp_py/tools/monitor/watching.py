@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Hashable
 
 from ...errors import RobocompError
+from ...garbage import no_collection
 from ...graph.netsvg import draw
 from ..lookout import Look
 from .server import Board
@@ -27,12 +28,14 @@ def watch(board: Board, look: Callable[[], Look], every_s: float) -> None:
         begun, pause_s = time.monotonic(), every_s
         try:
             found = look()
-            graph = picture(found)
-            now = form(graph)
-            last = told(found, graph, connections(found))
-            if drawn is None:
-                board.show(last)  # a large picture takes longer than the tables
-            board.show(last, None if now == drawn else draw(graph))
+            with no_collection():
+                arrows = connections(found)
+                graph = picture(found, arrows)
+                now = form(graph)
+                last = told(found, graph, arrows)
+                if drawn is None:
+                    board.show(last)  # a large picture takes longer than the tables
+                board.show(last, None if now == drawn else draw(graph))
             drawn = now
             pause_s = max(every_s, 2.0) if len(found.drift.instances) >= MANY else every_s
         except RobocompError as exc:
