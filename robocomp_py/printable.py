@@ -8,6 +8,11 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(each if _is_harmless(each) else "\ufffd" for each in text)
 
 
+def spaced(text: str) -> str:
+    """A text with spaces for all characters that are not printable, except line breaks."""
+    return "".join(each if _is_harmless(each) else " " for each in text)
+
+
 def one_line(text: str) -> str:
     """A text in one line, without control characters."""
     return printable(text).replace("\n", " ")

@@ -17,7 +17,7 @@ from pathlib import PurePosixPath
 
 from ..codegen.exporting import Files, heading, in_order, innermost
 from ..codegen.generate import Artifact
-from ..codegen.layout import printable
+from ..codegen.omgidl import comment
 from ..contract.types import Primitive
 from ..dsl.diagnostics import Report
 from ..dsl.idsl import model as m
@@ -25,13 +25,13 @@ from ..dsl.idsl.check import BUILTIN, enum_values, module_of
 from ..dsl.idsl.literals import literal_value
 from ..dsl.numbers import whole
 from ..dsl.source import Name, Span
+from ..printable import spaced
 from .slicewords import (
     NOTED,
     SPELLED,
     SUFFIXES,
     TYPES_OF_ITS_OWN,
     WIDTH,
-    comment,
     escaped,
     indented,
     macro,
@@ -242,7 +242,7 @@ class _Writer:
         primitive = BUILTIN[kind.text]
         value = literal_value(primitive, literal)
         if primitive.python is str:
-            escaped = printable(literal.text).replace("\\", "\\\\")
+            escaped = spaced(literal.text).replace("\\", "\\\\")
             return f'"{escaped}"'
         if primitive.python is bool:
             return literal.text
@@ -347,7 +347,7 @@ def _stem(imported: str) -> str:
 
 def _behind(line: str, note: str, doc: str) -> Iterator[str]:
     """A member with its comment after it or, if the line would be too long, above it."""
-    about = "; ".join(filter(None, (note.partition("// ")[2], " ".join(printable(doc).split()))))
+    about = "; ".join(filter(None, (note.partition("// ")[2], " ".join(spaced(doc).split()))))
     if about and len(line) + len(about) + 13 <= WIDTH:
         yield f"{line}  // {about}".rstrip("\\ ")
         return

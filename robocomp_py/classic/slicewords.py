@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Iterable, Iterator
 
-from ..codegen.layout import printable
 from ..contract.types import Primitive
 
 WIDTH = 100
@@ -59,11 +57,6 @@ def macro(stem: str) -> str:
 
 def escaped(name: str) -> str:
     return f"\\{name}" if name in KEYWORDS else name
-
-
-def comment(text: str, indent: int) -> Iterator[str]:
-    for line in textwrap.wrap(printable(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
-        yield f"// {line}".rstrip("\\ ")  # a backslash would make the next line part of the comment
 
 
 def indented(lines: Iterable[str]) -> Iterator[str]:

@@ -17,7 +17,6 @@ from .completing import completed
 from .replacing import replace_file
 
 if TYPE_CHECKING:
-    from ..dsl.diagnostics import Diagnostic
     from ..dsl.source import Span
     from ..lsp.index import Index
     from ..lsp.outline import Symbol
@@ -236,11 +235,7 @@ def _wrong_now(path: Path, before: Project, after: Project) -> Iterator[str]:
     known = {(each.code, each.message) for each in before.check(path)}
     for each in after.check(path):
         if (each.code, each.message) not in known and each.span.source.path == path:
-            yield f"{_place(each)}: {each.message}"
-
-
-def _place(diagnostic: Diagnostic) -> str:
-    return _where(diagnostic.span)
+            yield f"{_where(each.span)}: {each.message}"
 
 
 def _where(span: Span) -> str:

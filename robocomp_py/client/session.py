@@ -147,7 +147,7 @@ class Session:
     @cached_property
     def access(self) -> Access:
         """What publishes on other hosts."""
-        return self.opened(Access, lambda made: made.__exit__())
+        return self.opened(Access, Access.close)
 
     def codec(self, channel: Channel) -> Codec:
         """That of the payloads which `hear` passes on."""

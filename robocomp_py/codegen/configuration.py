@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ..contract.parameters import Parameter, ParameterKind, ParameterList, ParameterSet
 from ..contract.rosnames import camel
-from .layout import assigned, call, commented, printable, quoted, remark, spread, text, tuple_of
+from ..printable import spaced
+from .layout import assigned, call, commented, quoted, remark, spread, text, tuple_of
 from .shadows import Shadows
 
 _ROOM = 26
@@ -163,7 +164,7 @@ def _toml_lines(params: ParameterSet, path: str, mark: str = "") -> list[str]:
 
 def beside(text: str, comment: str) -> str:
     """A line of TOML with a comment, aligned with the others."""
-    return f"{text:<{_ROOM}} # {' '.join(printable(comment).split())}"
+    return f"{text:<{_ROOM}} # {' '.join(spaced(comment).split())}"
 
 
 def duration(seconds: float) -> str:

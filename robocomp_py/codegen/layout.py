@@ -9,6 +9,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
+from ..printable import spaced
+
 WIDTH = 88
 """Default line length of formatters."""
 
@@ -66,7 +68,7 @@ def assigned(head: str, value: str, indent: int) -> str:
 def docstring(text: str, indent: int) -> str:
     """A docstring of wrapped paragraphs."""
     quote = '"""'
-    safe = printable(text).replace("\\", "\\\\").replace(quote, "'''").strip()
+    safe = spaced(text).replace("\\", "\\\\").replace(quote, "'''").strip()
     safe = f" {safe}" if safe.startswith('"') else safe
     safe = f"{safe} " if safe.endswith('"') else safe
     lines = _wrap_prose((quote + safe).splitlines(), WIDTH - indent)
@@ -82,7 +84,7 @@ def docstring(text: str, indent: int) -> str:
 
 def commented(line: str, text: str, indent: int) -> str:
     """A statement with a comment after it or, if that would be too long, above it."""
-    words = " ".join(printable(text).split())
+    words = " ".join(spaced(text).split())
     if not words:
         return line
     if "\n" not in line and indent + len(line) + 4 + len(words) <= WIDTH:
@@ -92,7 +94,7 @@ def commented(line: str, text: str, indent: int) -> str:
 
 def remark(text: str, indent: int) -> str:
     """A comment, wrapped."""
-    return f"\n{' ' * indent}".join(f"# {line}" for line in _wrap(printable(text), WIDTH - indent - 2))
+    return f"\n{' ' * indent}".join(f"# {line}" for line in _wrap(spaced(text), WIDTH - indent - 2))
 
 
 def text(value: str, indent: int, around: int) -> str:
@@ -116,7 +118,7 @@ def quoted(value: Any) -> str:
 
 def on_one_line(text: str) -> str:
     """A text without line breaks, such as the name of a file."""
-    return printable(text).replace("\n", " ")
+    return spaced(text).replace("\n", " ")
 
 
 def shell_word(text: str) -> str:
@@ -124,14 +126,9 @@ def shell_word(text: str) -> str:
     return shlex.quote(on_one_line(text))
 
 
-def printable(text: str) -> str:
-    """A text with spaces for all characters that are not printable, except line breaks."""
-    return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
-
-
 def one_line(text: str, *names: str) -> str:
     """The first paragraph of a documentation on one line. `names` are kept as they are: see `capital`."""
-    return capital(" ".join(printable(text).strip().split("\n\n")[0].split()), *names)
+    return capital(" ".join(spaced(text).strip().split("\n\n")[0].split()), *names)
 
 
 def capital(text: str, *names: str) -> str:

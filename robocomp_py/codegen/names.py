@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import re
 from collections import Counter
 from collections.abc import Collection
@@ -10,7 +9,7 @@ from typing import Any
 
 from ..contract import naming
 from ..contract import types as t
-from ..contract.component import Port
+from ..contract.component import Port, free_name
 from ..contract.interface import Interface, Operation
 from .imports import API, BUILTINS, TYPES
 
@@ -61,12 +60,12 @@ def module_of(name: str) -> str:
 
 def class_name(name: str) -> str:
     """The name of a definition in its own module."""
-    return _free(short(name), _CLASSES)
+    return free_name(short(name), _CLASSES)
 
 
 def module_name(name: str) -> str:
     """The name of the Python module of an IDSL module."""
-    return _free(name, _MODULES)
+    return free_name(name, _MODULES)
 
 
 def reference(name: str, here: str) -> str:
@@ -78,17 +77,17 @@ def reference(name: str, here: str) -> str:
 def member_name(name: str) -> str:
     """The name of an enumerator."""
     sunder = name.startswith("_") and name.endswith("_")  # reserved by the enum module
-    return f"{name}_" if sunder else _free(name, _MEMBERS)
+    return f"{name}_" if sunder else free_name(name, _MEMBERS)
 
 
 def argument(field: t.Field) -> str:
     """The name of a parameter of an operation."""
-    return _free(field.name, _ARGUMENTS)
+    return free_name(field.name, _ARGUMENTS)
 
 
 def method(operation: Operation[Any]) -> str:
     """The name of a proxy's method for an operation."""
-    return _free(operation.name, _METHODS)
+    return free_name(operation.name, _METHODS)
 
 
 def twin(operation: Operation[Any], interface: Interface) -> str:
@@ -112,7 +111,7 @@ def loan_arguments(operation: Operation[Any]) -> list[str]:
     own = Counter(path[-1] for path in paths)
     names: list[str] = []
     for path in paths:
-        name = _free(path[-1] if own[path[-1]] == 1 else "_".join(path), _ARGUMENTS)
+        name = free_name(path[-1] if own[path[-1]] == 1 else "_".join(path), _ARGUMENTS)
         while name in names:
             name += "_"
         names.append(name)
@@ -148,14 +147,6 @@ def snake(name: str) -> str:
 
 def self_dot(name: str) -> str:
     return f"self.{name}"
-
-
-def _free(name: str, taken: Collection[str]) -> str:
-    """The name, with an underscore appended if it is a keyword or taken. The same holds for a name that ends in
-    underscores and is taken without them, so that `list` and `list_` stay different.
-    """
-    bare = name.rstrip("_")
-    return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name
 
 
 def _unlike(name: str, others: Collection[str]) -> str:

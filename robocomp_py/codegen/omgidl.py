@@ -20,8 +20,8 @@ from typing import Any
 from ..contract import types as t
 from ..contract.interface import Operation
 from ..contract.module import Constant
+from ..printable import spaced
 from .basictypes import SPELLED
-from .layout import printable
 from .names import module_of, short
 
 WIDTH = 100
@@ -270,7 +270,7 @@ def _runs(kinds: Iterable[t.Struct | t.Enumeration]) -> list[tuple[str, list[t.S
 
 
 def _constants(kind: t.Enumeration) -> Iterator[str]:
-    yield from _comment(" ".join(filter(None, (kind.doc, "Carried as int32."))))
+    yield from comment(" ".join(filter(None, (kind.doc, "Carried as int32."))))
     yield f"module {_escaped(short(kind.name))} {{"
     for member, value in kind.members:
         yield f"    const int32 {_escaped(member)} = {value};"
@@ -285,26 +285,26 @@ def _constant(constant: Constant) -> Iterator[str]:
         case _, bool():
             written = str(value).upper()
         case _, str():
-            escaped = printable(value).replace("\\", "\\\\")
+            escaped = spaced(value).replace("\\", "\\\\")
             written = f'"{escaped}"'
         case _:
             written = str(value)
-    yield from _comment(": ".join(filter(None, (_enumeration(kind), constant.doc))))
+    yield from comment(": ".join(filter(None, (_enumeration(kind), constant.doc))))
     yield f"const {_spelled(kind, '', set(), set())} {_escaped(short(constant.name))} = {written};"
 
 
 def _struct(kind: t.Struct, names: set[str], nested: bool) -> Iterator[str]:
-    yield from _comment(kind.doc)
+    yield from comment(kind.doc)
     yield f"@final {'@nested ' if nested else ''}struct {_escaped(short(kind.name))} {{"
     members = {field.name.lower() for field in kind.fields}
     for field in kind.fields:
         line = f"    {_spelled(field.type, module_of(kind.name), members, names)} {_escaped(field.name)};"
         about = ": ".join(filter(None, (_enumeration(field.type), field.doc)))
-        comment = list(_comment(about, 12))
-        if len(comment) == 1 and len(line) + len(comment[0]) + 6 <= WIDTH:
-            yield f"{line}  {comment[0]}"
+        lines = list(comment(about, 12))
+        if len(lines) == 1 and len(line) + len(lines[0]) + 6 <= WIDTH:
+            yield f"{line}  {lines[0]}"
         else:
-            yield from (f"    {each}" for each in comment)
+            yield from (f"    {each}" for each in lines)
             yield line
     yield "};"
 
@@ -340,8 +340,8 @@ def _enumeration(kind: t.Type) -> str:
             return ""
 
 
-def _comment(text: str, indent: int = 4) -> Iterator[str]:
-    for line in textwrap.wrap(printable(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
+def comment(text: str, indent: int = 4) -> Iterator[str]:
+    for line in textwrap.wrap(spaced(text), WIDTH - indent - 3, break_long_words=False, break_on_hyphens=False):
         yield f"// {line}".rstrip("\\ ")  # a backslash would make the next line part of the comment
 
 
@@ -385,7 +385,7 @@ def _notes(kinds: Sequence[t.Struct | t.Enumeration], twice: set[str]) -> Iterat
         alike |= {name for name in scope if cases[name.lower()] > 1}
     for names, what in ((alike, _ALIKE), (same, _SAME)):
         if names:
-            yield from _comment(f"{what}: {', '.join(sorted(names))}.", 0)
+            yield from comment(f"{what}: {', '.join(sorted(names))}.", 0)
 
 
 _ALIKE = "Names that differ only in case, which idlc accepts with -f case-sensitive and other compilers may reject"

@@ -30,10 +30,10 @@ from ..contract.rosnames import camel, field_name, package_of, snake
 from ..dsl.diagnostics import Report
 from ..dsl.idsl import model as m
 from ..dsl.source import Name, Span
+from ..printable import spaced
 from .basictypes import SPELLED
 from .exporting import Files, heading
 from .generate import Artifact
-from .layout import printable
 from .names import module_of, short
 
 WIDTH = 100
@@ -225,7 +225,7 @@ class _Package:
         if value is not None and isinstance(each.type, t.Enumeration):
             value = dict(each.type.members)[value]
         line = f"{self._spelled(each.type, at)} {name}{'' if value is None else f' {_literal(value)}'}"
-        about = ": ".join(filter(None, (_enumeration(each.type), " ".join(printable(each.doc).split()))))
+        about = ": ".join(filter(None, (_enumeration(each.type), " ".join(spaced(each.doc).split()))))
         if about and len(line) + len(about) + 4 <= WIDTH:
             yield f"{line}  # {about}"
         else:
@@ -338,7 +338,7 @@ def _literal(value: Any) -> str:
         case bool():
             return str(value).lower()
         case str():
-            return f'"{printable(value)}"'
+            return f'"{spaced(value)}"'
         case _:
             return repr(value)
 
@@ -355,7 +355,7 @@ def _enumeration(kind: t.Type) -> str:
 
 
 def _comment(text: str) -> Iterator[str]:
-    for line in textwrap.wrap(printable(text), WIDTH - 2, break_long_words=False, break_on_hyphens=False):
+    for line in textwrap.wrap(spaced(text), WIDTH - 2, break_long_words=False, break_on_hyphens=False):
         yield f"# {line}"
 
 

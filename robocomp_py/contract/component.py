@@ -70,12 +70,12 @@ class Port:
     def attribute(self) -> str:
         """Where the worker finds its proxy: `laser1_proxy`; or its named instances: `laser`."""
         if self.each:
-            return _unlike(self.interface.short.lower(), WORKER)
+            return free_name(self.interface.short.lower(), WORKER)
         return f"{self.name}_proxy"
 
     def handler(self, operation: str) -> str:
         """The method that handles an operation: `Laser1_getLaserData`; for a named instance: `getLaserData`."""
-        return _unlike(operation, HANDLER) if self.each else f"{self.label}_{operation}"
+        return free_name(operation, HANDLER) if self.each else f"{self.label}_{operation}"
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class Component:
         return f"{short}{before}" if before else short
 
 
-def _unlike(name: str, taken: Collection[str]) -> str:
+def free_name(name: str, taken: Collection[str]) -> str:
     """A name for Python: with an underscore appended if it is a keyword or taken, so that different names stay so."""
     bare = name.rstrip("_")
     return f"{name}_" if keyword.iskeyword(bare) or bare in taken else name

@@ -52,6 +52,10 @@ class Span:
     def text(self) -> str:
         return self.source.text[self.start : self.end]
 
+    def touches(self, offset: int) -> bool:
+        """Whether an offset is in it, or just behind it, as the cursor of an editor may be."""
+        return self.start <= offset <= self.end
+
     def to(self, other: Span) -> Span:
         """From here to the end of the other."""
         return Span(self.source, self.start, max(self.end, other.end))

@@ -6,8 +6,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from ..printable import spaced
 from .network import Edge, Graph, Group, Node
-from .svg import printable
 
 
 def dot(graph: Graph) -> str:
@@ -102,9 +102,9 @@ def _edge_text(edge: Edge) -> str:
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(printable(text), ensure_ascii=False)
+    return json.dumps(spaced(text), ensure_ascii=False)
 
 
 def _shown(text: str) -> str:
     """For Mermaid, whose quotes cannot be escaped but by an entity."""
-    return printable(text).replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;").replace("\n", "<br/>")
+    return spaced(text).replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;").replace("\n", "<br/>")

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from ..printable import spaced
 from .layers import Point, Route
 
 
-def printable(text: str) -> str:
-    """A text without what no picture can show, which ends lines, or the file."""
-    return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
-
-
 def escaped(text: str) -> str:
-    return escape(printable(text))
+    return escape(spaced(text))
 
 
 def document(title: str, style: str, size: Point, body: Iterable[str], markers: str = "") -> str:

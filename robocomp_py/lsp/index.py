@@ -141,15 +141,15 @@ class Index:
         made = self.outline(path)
         if made is None:
             return None
-        named = [Found(each.name, (each,)) for each in made.walk() if _touches(each.name.span, offset)]
-        used = [each for each in made.uses if _touches(each.name.span, offset)]
+        named = [Found(each.name, (each,)) for each in made.walk() if each.name.span.touches(offset)]
+        used = [each for each in made.uses if each.name.span.touches(offset)]
         named += [Found(each.name, tuple(symbols), each) for each in used if (symbols := self.resolve(each))]
         return named[0] if named else None
 
     def elsewhere(self, path: Path, offset: int) -> list[Symbol]:
         """The symbols that the word at a place names; for a word that defines one and uses another, the used one."""
         made = self.outline(path)
-        used = [each for each in made.uses if _touches(each.name.span, offset)] if made else []
+        used = [each for each in made.uses if each.name.span.touches(offset)] if made else []
         symbols = [symbol for use in used for symbol in self.resolve(use)]
         found = None if symbols else self.at(path, offset)
         return symbols or (list(found.symbols) if found else [])
@@ -165,7 +165,7 @@ class Index:
 
     def link_at(self, path: Path, offset: int) -> Link | None:
         made = self.outline(path)
-        return next((each for each in made.links if _touches(each.name.span, offset)), None) if made else None
+        return next((each for each in made.links if each.name.span.touches(offset)), None) if made else None
 
     # Everywhere.
 
@@ -217,7 +217,3 @@ class Index:
             except (OSError, ValueError):
                 self._texts[key] = ""
         return self._texts[key]
-
-
-def _touches(span: Span, offset: int) -> bool:
-    return span.start <= offset <= span.end

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from ..dsl.source import Source, Span
+from ..dsl.source import Source
 from ..innermodel.nodes import CHOICES, ROOT, TAGS, Attribute, Kind, Tag
 from ..innermodel.write import as_text
 from .complete import Candidate
@@ -26,10 +26,10 @@ def hover(source: Source, offset: int) -> str:
     tag = element.tag if element else None
     if element is None or tag is None:
         return ""
-    if _touches(element.name, offset):
+    if element.name.touches(offset):
         return about_tag(tag)
     for each in element.attributes:
-        if _touches(each.name, offset) or (each.value and _touches(each.value, offset)):
+        if each.name.touches(offset) or (each.value and each.value.touches(offset)):
             attribute = tag.attributes.get(each.name.text)
             return about(attribute, tag) if attribute else ""
     return ""
@@ -59,11 +59,11 @@ def complete(source: Source, offset: int) -> list[Candidate]:
     text = source.text
     found = elements(source)
     element = _tag_at(found, offset)
-    if element and _touches(element.name, offset):
+    if element and element.name.touches(offset):
         return list(_tags(source, element, offset))
     if element and not (element.is_complete and offset >= element.tag_end):
         for each in element.attributes:
-            if each.value and _touches(each.value, offset):
+            if each.value and each.value.touches(offset):
                 return list(_values(source, element, each, offset))
         return list(_attributes(source, element, offset))
     written = re.search(r"</([\w.:-]*)\Z", text[:offset])
@@ -97,7 +97,7 @@ def _attributes(source: Source, element: Element, offset: int) -> Iterator[Candi
     if tag is None or before is None or before.start() == 0:
         return
     over = source.span(element.name.end + before.start(), offset)
-    written = {each.name.text for each in element.attributes if not _touches(each.name, offset)}
+    written = {each.name.text for each in element.attributes if not each.name.touches(offset)}
     for name, attribute in tag.attributes.items():
         if name not in written:
             rank = 0 if name in _OFTEN else 2 if attribute.text.startswith("without effect") else 1
@@ -141,7 +141,3 @@ def _tag_at(found: list[Element], offset: int) -> Element | None:
         if each.name.start <= offset and (offset < each.tag_end or (offset == each.tag_end and not each.is_complete)):
             return each
     return None
-
-
-def _touches(span: Span, offset: int) -> bool:
-    return span.start <= offset <= span.end

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import Any, Generic, NoReturn, TypeVar
 
-from ..contract.interface import Operation
+from ..contract.interface import Operation, Pattern
 from ..contract.types import LINEAGE, STRING, ExceptionType, Field, Struct, thrown
 from ..errors import (
     Busy,
@@ -23,7 +23,7 @@ from ..errors import (
     Timeout,
     Unreachable,
 )
-from ..transports.base import Reply, Status, answered
+from ..transports.base import Reply, Status, TypeRef, answered
 from ..transports.sparing import Repeats
 from ..wire.codec import Codec, Decoder, Encoder, Payload
 from .trace import times_more, user_trace, way_of
@@ -37,6 +37,12 @@ _THROWN = thrown()
 
 _OK = Status.OK
 """A global name is found in a fifth of the time that a member of an enumeration takes."""
+
+
+def type_of(operation: Operation[Any], pattern: Pattern) -> TypeRef:
+    """The message types of an operation, as a transport sees them."""
+    response = operation.response if pattern is Pattern.QUERY else None
+    return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
 class Outcome(Exception):

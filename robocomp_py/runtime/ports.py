@@ -27,13 +27,12 @@ from ..transports.base import (
     Statistics,
     Status,
     SupportsSubscribers,
-    TypeRef,
     about_to_block,
     require,
 )
 from ..transports.senders import signing
 from ..wire.codec import Payload
-from .calls import Call, Handler
+from .calls import Call, Handler, type_of
 from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
@@ -300,12 +299,6 @@ def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -
     channel = Channel(route.channel, pattern, kind, route.qos, operation.idempotent)
     require(route.transport, route.middleware, channel)
     return channel
-
-
-def type_of(operation: Operation[Any], pattern: Pattern) -> TypeRef:
-    """The message types of an operation, as a transport sees them."""
-    response = operation.response if pattern is Pattern.QUERY else None
-    return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
 class BoundQuery:

@@ -61,6 +61,7 @@ from ..errors import (
     UnsupportedQoS,
 )
 from ..runtime import ports
+from ..runtime.calls import type_of
 from ..runtime.monitor import MAX_SUSPENDED, Monitor
 from ..runtime.route import Route, Router
 from ..transports.base import (
@@ -1394,7 +1395,7 @@ class TransportConformance(QoSConformance):
     ) -> None:
         handlers = _Handlers()
         route = _router(there, name)(Port(Verb.REQUIRES, e.EVERYTHING), e.poke)
-        channel = Channel(route.channel, Pattern.COMMAND, ports.type_of(e.poke, Pattern.COMMAND))
+        channel = Channel(route.channel, Pattern.COMMAND, type_of(e.poke, Pattern.COMMAND))
         with _Served(here, name, handlers) as served:
             outlet = there.outlet(channel)
             assert outlet.wait_peer(SOON)

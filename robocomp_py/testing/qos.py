@@ -27,6 +27,7 @@ from ..contract.interface import Operation, Pattern, Verb
 from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
 from ..errors import Timeout, UnsupportedQoS
 from ..runtime import ports
+from ..runtime.calls import type_of
 from ..runtime.monitor import Monitor
 from ..runtime.route import Route
 from ..runtime.watch import Lost, Missed
@@ -297,7 +298,7 @@ def _channel(name: str) -> str:
 
 def _publish(transport: Transport, name: str, qos: QoS) -> Outlet:
     """An outlet with a connected subscriber."""
-    outlet = transport.outlet(Channel(_channel(name), Pattern.PUBLISH, ports.type_of(e.news, Pattern.PUBLISH), qos))
+    outlet = transport.outlet(Channel(_channel(name), Pattern.PUBLISH, type_of(e.news, Pattern.PUBLISH), qos))
     assert outlet.wait_peer(SOON)
     return outlet
 

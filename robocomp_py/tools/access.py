@@ -7,13 +7,14 @@ import json
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
+from ..closing import Closing
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
 from ..contract.types import LINEAGE, thrown
 from ..errors import RemoteFailure, RobocompError, Timeout, Unreachable
-from ..runtime.calls import Call, Handler
+from ..runtime.calls import Call, Handler, type_of
 from ..transports import base
 from ..transports.base import (
     Caller,
@@ -25,7 +26,6 @@ from ..transports.base import (
     Status,
     Transport,
     TransportConfig,
-    TypeRef,
     find_transport,
 )
 from ..wire.cdr import Cdr
@@ -53,11 +53,8 @@ class Heard:
     """That of the payloads that the sink gets."""
 
 
-class Access:
-    """The links of a tool, for any number of threads. Each middleware is opened when it is first used.
-
-    Closing it closes all links.
-    """
+class Access(Closing):
+    """The links of a tool, for any number of threads. Each middleware is opened when it is first used."""
 
     def __init__(self) -> None:
         self._transports: dict[tuple[str, str], Transport] = {}
@@ -67,10 +64,8 @@ class Access:
         """Links of queries that are called again; closed with their transports."""
         self._end = contextlib.ExitStack()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close all links, and the middlewares."""
         self._end.close()
 
     def hear(self, channel: Channel, sink: Sink, depth: int, *, headed: bool = False, latched: bool = True) -> Heard:
@@ -186,7 +181,7 @@ class Access:
         Raises TransportError, and UnsupportedQoS if the middleware does not offer this QoS.
         """
         transport = self._transport(middleware)
-        path = base.Channel(name, pattern, _type(operation, pattern), qos)
+        path = base.Channel(name, pattern, type_of(operation, pattern), qos)
         base.require(transport, middleware, path)
         return transport.outlet(path), transport.codec
 
@@ -207,12 +202,12 @@ class Access:
             except RobocompError as exc:
                 return handler.failed(exc)
 
-        path = base.Channel(name, Pattern.QUERY, _type(operation, Pattern.QUERY), DEFAULT_QOS)
+        path = base.Channel(name, Pattern.QUERY, type_of(operation, Pattern.QUERY), DEFAULT_QOS)
         return transport.server(path, serve)
 
     def receiver(self, middleware: str, name: str, operation: Operation[Any], sink: Sink) -> Link:
         """Receive commands under a name. Raises TransportError."""
-        path = base.Channel(name, Pattern.COMMAND, _type(operation, Pattern.COMMAND), DEFAULT_QOS)
+        path = base.Channel(name, Pattern.COMMAND, type_of(operation, Pattern.COMMAND), DEFAULT_QOS)
         return self._transport(middleware).inlet(path, sink)
 
     def transport(self, middleware: str) -> Transport:
@@ -251,13 +246,8 @@ def _answer(caller: Caller, call: Call[Any], values: tuple[Any, ...], deadline: 
 
 
 def _path(channel: Channel, qos: QoS | None = None) -> base.Channel:
-    kind = _type(channel.operation, channel.pattern)
+    kind = type_of(channel.operation, channel.pattern)
     return base.Channel(channel.name, channel.pattern, kind, qos or DEFAULT_QOS)
-
-
-def _type(operation: Operation[Any], pattern: Pattern) -> TypeRef:
-    response = operation.response if pattern is Pattern.QUERY else None
-    return TypeRef(operation.request.name, operation.fingerprint, operation.text, operation.request, response)
 
 
 def _thrown(operation: Operation[Any], codec: Codec, reply: Reply) -> ThrownError | RemoteFailure:

@@ -259,7 +259,7 @@ class Network:
         if whole := self.channels.get(name.strip("/")):
             return [whole]
         wanted = name.strip("/").split("/")
-        found = [each for each in self.channels.values() if _contains(each.name.split("/"), wanted)]
+        found = [each for each in self.channels.values() if contains(each.name.split("/"), wanted)]
         if not found:
             raise ValueError(self._unknown(name))
         return [each for each in found if each.interface not in OWN] or found
@@ -330,5 +330,6 @@ def _printable(end: End) -> End:
     return end if owner.isprintable() else replace(end, told=end.told._replace(owner=one_line(owner)))
 
 
-def _contains(parts: Sequence[str], wanted: Sequence[str]) -> bool:
+def contains(parts: Sequence[str], wanted: Sequence[str]) -> bool:
+    """Whether some parts of a name stand side by side in it."""
     return any(parts[at : at + len(wanted)] == wanted for at in range(len(parts) - len(wanted) + 1))

@@ -138,7 +138,7 @@ class Scout:
             asked = list(self._asked.values())
         for _, over in asked:
             over.set()
-        self._place.access.__exit__()  # which ends the calls that wait
+        self._place.access.close()  # which ends the calls that wait
         for thread, _ in asked:
             thread.join()
 

@@ -18,7 +18,7 @@ from ..errors import DecodeError
 from ..threads import start_thread
 from ..transports.base import Heard, SupportsSources
 from ..wire import json
-from ..wire.codec import Codec, Decoder, Payload
+from ..wire.codec import Decoder, Payload
 from .access import Access, Subscription
 from .far import Far, FarArrivals
 from .far import Message as Message
@@ -308,7 +308,7 @@ class _Subscriptions:
         for topic in self._topics:
             sink = partial(self._take, topic.name)
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
-            self._decoders[topic.name] = _decoder(topic, heard.codec)
+            self._decoders[topic.name] = heard.codec.decoder(topic.operation.request)
             self._links[topic.name] = heard.link
         for post, there in self._posts.items():
             self._following.enter_context(self._far.following(post, there))
@@ -317,12 +317,8 @@ class _Subscriptions:
         self._following.close()
         self._links = {}
         if self._access:
-            self._access.__exit__()
+            self._access.close()
             self._access = None
-
-
-def _decoder(topic: Channel, codec: Codec) -> Decoder:
-    return codec.decoder(topic.operation.request)
 
 
 def _message(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _Arrived, dropped: int) -> Message:

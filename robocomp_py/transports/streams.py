@@ -174,7 +174,7 @@ class Process:
         except OSError:
             connected.close()
             raise
-        transport.watch(connected, self._receive, self._ended)
+        transport.watch(connected, self._receive, partial(transport.lost, self))
 
     def send(self, message: Message, end: float) -> None:
         """Raises OSError if the process has gone, or takes nothing."""
@@ -193,9 +193,6 @@ class Process:
 
     def _receive(self) -> Iterable[Job]:
         return _messages(self.connection, partial(self._transport.replied, self))
-
-    def _ended(self) -> None:
-        self._transport.lost(self)
 
 
 class _Address(NamedTuple):

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Pattern
-from ..runtime.calls import Call
-from ..runtime.ports import type_of
+from ..runtime.calls import Call, type_of
 from ..runtime.settings import DEADLINE, Settings
 from ..spelling import unknown
 from ..transports.base import Channel, Transport

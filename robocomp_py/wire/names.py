@@ -19,6 +19,11 @@ def channel(namespace: str, instance: str, interface: str, operation: str) -> st
     return "/".join((*filter(None, (namespace.strip("/"),)), instance, interface, operation))
 
 
+def tail(channel: str) -> str:
+    """Interface and operation, which are the same in all matching channels."""
+    return "/".join(channel.split("/")[-2:])
+
+
 def resolve(target: str, namespace: str, interface: str) -> tuple[str, str, str]:
     """The instance that the `from` of a port means, as (namespace, instance, interface).
 

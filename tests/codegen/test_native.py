@@ -22,7 +22,7 @@ from robocomp_py.contract import types as t
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Operation, Pattern, Verb
 from robocomp_py.runtime import settings
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.runtime.run import Running
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until

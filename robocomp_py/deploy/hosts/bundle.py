@@ -109,12 +109,9 @@ def _package() -> Iterator[tuple[str, Content]]:
     lines = []
     for group in (installed.TRANSPORTS, installed.DEPLOYMENTS):
         found = installed.entries(group).items()
-        lines += [f"[{group}]", *(f"{name} = {entry.value}" for name, entry in found if _is_ours(entry.value)), ""]
+        ours = [f"{name} = {entry.value}" for name, entry in found if entry.value.startswith("robocomp_py.")]
+        lines += [f"[{group}]", *ours, ""]
     yield f"{folder}/entry_points.txt", Content("\n".join(lines).encode())
-
-
-def _is_ours(value: str) -> bool:
-    return value.startswith("robocomp_py.")
 
 
 def _walk(root: Path) -> Iterator[tuple[str, Path]]:

@@ -30,8 +30,8 @@ from ... import installed
 from ...contract.component import Component
 from ...errors import ConfigurationError
 from ...runtime import commonbehavior, introspecting
+from ...runtime.calls import type_of
 from ...runtime.commandline import prepare, read_plain
-from ...runtime.ports import type_of
 from ...runtime.worker import Worker
 from ...transports.base import find_transport
 from ...transports.deployment import Near, deployments

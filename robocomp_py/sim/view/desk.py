@@ -16,9 +16,9 @@ from ...innermodel.read import ROOT_ID, InnerModelError
 from ...innermodel.write import as_text
 from .editor import Editor, EditorError, gives
 from .page import Page
-from .shapes import from_page, on_page
+from .shapes import from_page, on_page, stamp
 from .stage import quaternion
-from .viewing import Scene, Tell, facts, stamp
+from .viewing import Scene, Tell, facts
 
 if TYPE_CHECKING:
     from viser import ClientHandle, GuiEvent, TransformControlsEvent

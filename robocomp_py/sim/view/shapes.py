@@ -201,11 +201,11 @@ def _plane(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> For
         if path is None:
             troubles.append(f"{_where(tree, node)}`{node.id}` is grey: there is no file `{text}`")
         else:
-            stamp = _stamp(path)
-            picture = gallery.picture(path, stamp)
+            changed = stamp(path)
+            picture = gallery.picture(path, changed)
             if not isinstance(picture, str):
                 width, height, depth = size.tolist()
-                return Pictured((width, height, depth), path, stamp)
+                return Pictured((width, height, depth), path, changed)
             troubles.append(f"{_where(tree, node)}`{node.id}` is grey: {picture}")
     red, green, blue = (round(255 * each) for each in (colour or GREY)[:3])
     return Block(_block(size), (red, green, blue))
@@ -216,7 +216,7 @@ def _mesh(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Form
     problem = f"there is no file `{node.values['file']}`"
     if path is not None:
         is_wireframe = node.values["render"] == "wireframe"
-        form = Surface(path, _numbers(node.values["scale"]), is_wireframe, _stamp(path))
+        form = Surface(path, _numbers(node.values["scale"]), is_wireframe, stamp(path))
         mesh = gallery.mesh(form)
         if not isinstance(mesh, str):
             return form
@@ -225,7 +225,7 @@ def _mesh(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Form
     return Block(_LOST_SIZE, LOST)
 
 
-def _stamp(path: Path) -> int:
+def stamp(path: Path) -> int:
     """When a file was changed, ns; 0 if it is not there any more, which its reader tells."""
     try:
         return path.stat().st_mtime_ns

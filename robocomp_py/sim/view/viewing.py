@@ -16,7 +16,7 @@ from ...innermodel.read import ROOT_ID, InnerModelError, read_file
 from ...innermodel.tree import Tree
 from ...innermodel.write import as_text
 from .page import Page
-from .shapes import Cloud, Gallery, drawn, on_page
+from .shapes import Cloud, Gallery, drawn, on_page, stamp
 from .stage import Picked, Stage
 
 if TYPE_CHECKING:
@@ -144,11 +144,3 @@ def facts(tree: Tree, name: str, pose: Array) -> str:
         f"{key} = {as_text(value)}" for key, value in node.values.items() if key != "id" and value != known[key].default
     ]
     return "\n".join(each for each in lines if each)
-
-
-def stamp(path: Path) -> int:
-    """When a file was changed, ns; 0 if it is not there."""
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:
-        return 0

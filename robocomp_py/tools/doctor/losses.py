@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...runtime.RoboCompIntrospection import Measure
 from .facts import Facts, Finding, Weight
 
 NAME = "losses"
@@ -25,12 +24,9 @@ def find(facts: Facts) -> Iterator[Finding]:
             for kind, advice in _ADVICE.items():
                 number = getattr(one, kind)
                 if number > 0:
-                    text = f"{number} of {_all(one)} messages of {one.channel} over {one.middleware} {_is(kind)}"
+                    sent = one.received + one.lost
+                    text = f"{number} of {sent} messages of {one.channel} over {one.middleware} {_is(kind)}"
                     yield Finding(Weight.WARN, f"{each.name}: {text}", advice.format(channel=one.channel))
-
-
-def _all(one: Measure) -> int:
-    return one.received + one.lost
 
 
 def _is(kind: str) -> str:

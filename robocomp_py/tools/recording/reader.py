@@ -10,7 +10,7 @@ import contextlib
 import heapq
 import io
 import struct
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -23,6 +23,7 @@ from ...printable import one_line
 from ...spelling import beside, closest
 from ...wire.cdr import Cdr
 from ...wire.codec import Decoder
+from ..network import contains
 from .bag import Attached, Note, RecordingError
 from .formats import need_mcap
 from .layout import ENCODING, qos_of
@@ -30,7 +31,6 @@ from .layout import ENCODING, qos_of
 if TYPE_CHECKING:
     from mcap.reader import SeekingReader
     from mcap.records import Channel, Schema
-    from mcap.summary import Summary
 
 SUFFIX = ".mcap"
 
@@ -190,11 +190,9 @@ class _File:
                 summary = self._reader.get_summary()
             except Exception as exc:
                 raise RecordingError(f"{path}: it has no end{_UNFINISHED}") from exc
-            if (
-                summary is None
-                or summary.statistics is None
-                or (summary.statistics.message_count and not _has(summary))
-            ):
+            if summary is None or summary.statistics is None:
+                raise RecordingError(f"{path}: it has no index{_UNFINISHED}")
+            if summary.statistics.message_count and not summary.chunk_indexes:
                 raise RecordingError(f"{path}: it has no index{_UNFINISHED}")
             if any(each.uncompressed_size > LARGEST for each in summary.chunk_indexes):
                 raise RecordingError(f"{path}: it has a chunk of more than {LARGEST} octets")
@@ -242,10 +240,6 @@ def extra_of(record: object) -> Attached | Note | None:
 
 
 _UNFINISHED = ": it is still being written, or was interrupted; `rc bag mend` makes a readable copy"
-
-
-def _has(summary: Summary) -> bool:
-    return bool(summary.chunk_indexes)
 
 
 def open_checked(path: Path) -> tuple[IO[bytes], int]:
@@ -357,13 +351,9 @@ def values_by_topic() -> Values:
 def named(recording: Recording, name: str) -> list[str]:
     """The topics that a name means: a whole one, or a part of it between slashes. Raises RecordingError."""
     wanted = name.strip("/").split("/")
-    found = [each for each in recording.topics if _contains(each.split("/"), wanted)]
+    found = [each for each in recording.topics if contains(each.split("/"), wanted)]
     if not found:
         near = closest(name.strip("/"), {part for each in recording.topics for part in (each, *each.split("/"))})
         hint = f"did you mean `{near}`?" if near else f"it has {', '.join(recording.topics) or 'no topics'}"
         raise RecordingError(f"{recording.path}: `{name}` is not in it; {hint}")
     return found
-
-
-def _contains(parts: Sequence[str], wanted: Sequence[str]) -> bool:
-    return any(parts[at : at + len(wanted)] == wanted for at in range(len(parts) - len(wanted) + 1))

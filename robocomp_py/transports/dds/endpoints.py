@@ -15,7 +15,7 @@ from cyclonedds.core import InstanceState, Policy
 from cyclonedds.domain import DomainParticipant
 
 from ...wire.names import ANY as STAR
-from ...wire.names import is_namespace, matches
+from ...wire.names import is_namespace, matches, tail
 from ..leader_followers import Job
 from .library import as_transport_error, creating
 from .unsafe import read_condition, reference, take_endpoints
@@ -118,8 +118,8 @@ class Endpoints:
     def find(self, role: str, channel: str) -> list[Endpoint]:
         """Ends of a channel in that role; either channel may have `*` for its instance."""
         with self._lock:
-            named = self._index.get((role, _tail(channel) if STAR in channel else channel), ())
-            stars = self._index.get((role, STAR + _tail(channel)), ())
+            named = self._index.get((role, tail(channel) if STAR in channel else channel), ())
+            stars = self._index.get((role, STAR + tail(channel)), ())
             found = dict.fromkeys(each for each in named if matches(channel, each.channel))
             found |= dict.fromkeys(each for each in stars if matches(each.channel, channel))
             return list(found)
@@ -137,7 +137,7 @@ class Endpoints:
     def published_by_others(self, channel: str) -> list[str]:
         """The matching channels that programs without robocomp_py publish; `channel` may have `*`."""
         with self._lock:
-            found = [_name(each) for each in self._index.get(("", _tail(channel)), ()) if each.writes]
+            found = [_name(each) for each in self._index.get(("", tail(channel)), ()) if each.writes]
         return sorted({name for name in found if is_namespace(name) and matches(channel, name)})
 
     def there(self, endpoint: Endpoint) -> bool:
@@ -177,7 +177,7 @@ class Endpoints:
     def _index_entries(self, endpoint: Endpoint) -> Iterable[tuple[dict[Any, dict[Endpoint, None]], Any]]:
         role, channel = endpoint.role, endpoint.channel or _name(endpoint)
         yield self._topics, endpoint.topic
-        for key in {channel, _tail(channel), STAR + _tail(channel) if STAR in channel else channel}:
+        for key in {channel, tail(channel), STAR + tail(channel) if STAR in channel else channel}:
             yield self._index, (role, key)
 
 
@@ -196,11 +196,6 @@ def _channels(endpoint: Endpoint) -> set[str]:
         return {endpoint.channel}
     name = _name(endpoint)  # an endpoint of another program
     return {name, *(name.removesuffix(end) for end in ("Request", "Reply", "Credit"))}
-
-
-def _tail(channel: str) -> str:
-    """Interface and operation, which are the same in all matching channels."""
-    return "/".join(channel.split("/")[-2:])
 
 
 def concerned(channel: str, changed: Set[str]) -> bool:

@@ -108,7 +108,7 @@ class Table:
         except ValueError:
             return False
         with self.changed:
-            place = token.role, _tail(token.channel)
+            place = token.role, names.tail(token.channel)
             known = self._index.get(place, {})
             noted = known.get(token.link)
             if noted if there else noted is None or noted._replace(since=0, reached=False) != token:
@@ -135,23 +135,18 @@ class Table:
         """Note that the link of a token can be reached, if the token still exists."""
         with self.changed:
             if self.holds(token):
-                self._index[token.role, _tail(token.channel)][token.link] = token._replace(reached=True)
+                self._index[token.role, names.tail(token.channel)][token.link] = token._replace(reached=True)
                 self.version += 1
                 self.changed.notify_all()
 
     def holds(self, token: Token) -> bool:
         """Whether the table has this token, without interruption since it came."""
         with self.changed:
-            known = self._index.get((token.role, _tail(token.channel)), {}).get(token.link)
+            known = self._index.get((token.role, names.tail(token.channel)), {}).get(token.link)
             return known is not None and known.since == token.since
 
     def find(self, role: str, channel: str) -> list[Token]:
         """Links in that role whose channel matches; either channel may have `*` for its instance."""
         with self.changed:
-            candidates = list(self._index.get((role, _tail(channel)), {}).values())
+            candidates = list(self._index.get((role, names.tail(channel)), {}).values())
         return [t for t in candidates if names.matches(channel, t.channel) or names.matches(t.channel, channel)]
-
-
-def _tail(channel: str) -> str:
-    """Interface and operation, which are the same in all matching channels."""
-    return "/".join(channel.split("/")[-2:])
