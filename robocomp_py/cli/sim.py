@@ -88,11 +88,12 @@ def run(options: argparse.Namespace) -> int:
     from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers
     from ..spelling import unknown
 
-    if not options.scene.exists():
+    if not options.scene.exists() or options.scene.is_dir():
         from ..dsl.nearby import nearby
 
-        hint = nearby(options.scene, str(options.scene))
-        return complain(f"rc sim: {options.scene}: there is no such file{f'; {hint}' if hint else ''}")
+        hint = nearby(options.scene, str(options.scene), models=(".xml",))
+        what = "it is a folder" if options.scene.is_dir() else "there is no such file"
+        return complain(f"rc sim: {options.scene}: {what}{f'; {hint}' if hint else ''}")
     tree = Tree()
     try:
         tree = Tree.read(options.scene)

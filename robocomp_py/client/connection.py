@@ -34,11 +34,12 @@ def connect(
     """Take part in a network that rcdeploy runs on this host; without its name, in all that runs here.
 
     Components on other hosts of the network are there, too. `network` is the name that its DDSL file gives it, or
-    `rcdeploy status` shows. `middleware` restricts the connection to some middlewares. `timeout` is how many seconds
-    this function waits for the network, and each call for its answer. `keys` is the folder of the keys of an operator,
-    for a network with `security lan`; by default that of its rcdeploy, if it has such keys.
+    `rcdeploy status` shows, or that file. `middleware` restricts the connection to some middlewares. `timeout` is how
+    many seconds this function waits for the network, and each call for its answer. `keys` is the folder of the keys of
+    an operator, for a network with `security lan`; by default that of its rcdeploy, if it has such keys.
 
-    Raises ConfigurationError if a middleware cannot be used, and NotThere if no such network runs in time.
+    Raises ConfigurationError if a middleware cannot be used, DeploymentError if the file cannot be read, and NotThere
+    if no such network runs in time.
     """
     middlewares = (middleware,) if isinstance(middleware, str) else tuple(middleware)
     if not timeout > 0:

@@ -51,6 +51,10 @@ class Session:
     def __init__(
         self, network: str, middlewares: Sequence[str], timeout: float, owner: str = OWNER, keys: str | None = None
     ) -> None:
+        if not network.isidentifier() and network:  # it is a file
+            from ..deploy.client import network_of
+
+            network = network_of(network)
         self.network, self._middlewares = network, tuple(middlewares)
         self._hosts = Hosts(network or None, log.warning, keys=keys, running=False)
         self.timeout, self._owner = timeout, owner

@@ -31,6 +31,7 @@ from robocomp_py.errors import (
     Closed,
     ConfigurationError,
     DeclaredError,
+    DeploymentError,
     EncodeError,
     RemoteFailure,
     Timeout,
@@ -219,7 +220,7 @@ def test_names_are_completed_and_shown(net: Any) -> None:
     assert str(net.talker.Everything.divide.__signature__) == "(dividend, divisor)"
 
 
-def test_a_network_with_a_namespace_is_found_by_its_name(own_runtime_folder: Path) -> None:
+def test_a_network_with_a_namespace_is_found_by_its_name(own_runtime_folder: Path, tmp_path: Path) -> None:
     place = Place("tamed")
     place.take("a test")
     ours = {"station": {"channels": "robot1/station"}}
@@ -231,6 +232,11 @@ def test_a_network_with_a_namespace_is_found_by_its_name(own_runtime_folder: Pat
     ):
         assert "robot1" in net
         assert net.robot1.station.Everything.work("dig") == "dig"
+        (tmp_path / "home.ddsl").write_text("Deployment tamed { };\n")
+        with connect(str(tmp_path / "home.ddsl"), middleware="shm", timeout=SOON) as by_file:
+            assert repr(by_file).splitlines()[0] == "tamed:"
+        with pytest.raises(DeploymentError, match=r"did you mean `.*home\.ddsl`"):
+            connect(str(tmp_path / "hme.ddsl"))
     place.release()
 
 

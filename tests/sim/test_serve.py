@@ -304,6 +304,13 @@ def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.Captur
     assert "there is no such file" in capsys.readouterr().err
 
 
+def test_the_folder_of_a_component_is_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room.xml").touch()
+    assert rc(["sim", "offers", str(tmp_path / "room")]) == 1
+    assert f"it is a folder; did you mean `{tmp_path / 'room.xml'}`?" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("action", ["new", "offers"])
 def test_a_misspelt_scene_is_told_with_a_similar_one(
     action: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

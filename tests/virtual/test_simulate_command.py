@@ -118,6 +118,7 @@ def test_a_component_that_fails_ends_the_run(folder: Path) -> None:
     assert done.returncode == 1
     assert "broken" in done.stderr
     assert done.stdout.startswith("net: 0.02 s in ")
+    assert done.stdout.endswith("\nended by a failure of asker; see its log above\n")
 
 
 def test_a_handler_that_fails_is_logged_with_its_instance(folder: Path) -> None:

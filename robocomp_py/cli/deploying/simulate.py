@@ -161,6 +161,10 @@ def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
     shown = f"{factor:,.0f}" if factor >= 10 else f"{factor:.2g}"
     print(f"{name}: {sim.time:.10g} s in {took:.2g} s, {shown} times as fast as real time")
     print(f"{sim.record.messages} messages, hash {sim.hash}")
+    if sim.failed:
+        from ...spelling import enumerated
+
+        print(f"ended by a failure of {enumerated(sim.failed)}; see its log above")
 
 
 # Logs.
