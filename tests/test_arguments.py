@@ -47,8 +47,8 @@ EMPTY: list[tuple[Main, list[str], str]] = [
 
 WRONG: list[tuple[Main, list[str], str]] = [
     (rc, ["rum", "hello"], "rc: error: no command `rum`; did you mean `run`?"),
-    (rc, ["run", "hello", "--json"], "hello: error: --json is for --print-config"),
-    (rc, ["run", "hello", "--nmae", "x"], "hello: error: no option --nmae; did you mean --name?"),
+    (rc, ["run", "hello", "--json"], "rc run hello: error: --json is for --print-config"),
+    (rc, ["run", "hello", "--nmae", "x"], "rc run hello: error: no option --nmae; did you mean --name?"),
     (rc, [], "rc: error: COMMAND is missing; see: rc --help"),
     (rc, ["call"], "rc call: error: NAME is missing; see: rc call --help"),
     (rc, ["param", "set", "wander"], "rc param set: error: NAME=VALUE is missing; see: rc param set --help"),

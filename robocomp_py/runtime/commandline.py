@@ -42,7 +42,7 @@ def parser_of(component: Component) -> argparse.ArgumentParser:
     """The parser for the command line of a component."""
     name = component.name
     parser = Parser(
-        prog=name,
+        prog=f"rc run {name}",
         description=f"{component.description or f'Run the component {name}.'} Stop it with Ctrl-C or SIGTERM.",
         epilog="Every key of the configuration can be set with --set component.period=0.02 --set params.NAME=VALUE, or "
         "in the environment with ROBOCOMP__COMPONENT__PERIOD=0.02. The command line overrides the environment, which "

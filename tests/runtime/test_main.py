@@ -194,7 +194,7 @@ def test_the_configuration_that_holds_is_printed_and_nothing_is_run(hello: Path,
         ),
         (["--config", "nowhere.toml"], 1, "nowhere.toml: cannot be read: No such file or directory"),
         (["--name", "two words"], 1, "'two words' is not a name for an instance"),
-        (["--unknown"], 2, "no option --unknown; see: hello --help"),
+        (["--unknown"], 2, "no option --unknown; see: rc run hello --help"),
         (["--set", "transports.zeromq.prot=1"], 1, "unknown transport option 'prot'; known: bind"),
     ],
 )
