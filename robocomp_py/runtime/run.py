@@ -622,7 +622,7 @@ class Running:
 
     def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
         """Run a hook inside the monitor, and handle what it raises."""
-        self._guard(hook, partial(self._held, hook, early))
+        self._guard(hook, self._held, hook, early)
 
     def _held(self, hook: Callable[[], None], early: bool) -> None:
         self.monitor.enter(early=early)  # on the path of every instant: `with` costs more
@@ -631,11 +631,11 @@ class Running:
         finally:
             self.monitor.leave()
 
-    def _guard(self, hook: Callable[[], object], run: Callable[[], object]) -> None:
-        """Run a hook by `run`, and handle what it raises."""
+    def _guard(self, hook: Callable[[], object], run: Callable[..., object], *arguments: object) -> None:
+        """Run a hook by `run`, with these arguments, and handle what it raises."""
         self._doing.append(hook)
         try:
-            run()
+            run(*arguments)
             self._last_hindrance = ""
         except TransportError as exc:
             self._note_transport_error(hook, exc)
