@@ -32,6 +32,25 @@ ROOT_ID = "root"
 
 Value = float | int | bool | str | tuple[float, ...]
 
+
+def number_of(value: Value) -> float:
+    """The value of an attribute that has one number. Raises TypeError for any other."""
+    if isinstance(value, (str, tuple)):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+def numbers_of(value: Value) -> tuple[float, ...]:
+    """The value of an attribute that has one or several numbers."""
+    return value if isinstance(value, tuple) else (number_of(value),)
+
+
+def three_of(values: Mapping[str, Value], kind: str) -> tuple[float, float, float]:
+    """The values of three attributes: of `tx`, `ty` and `tz`, if the kind is `t`. A missing one is 0."""
+    x, y, z = (number_of(values.get(f"{kind}{axis}", 0.0)) for axis in "xyz")
+    return x, y, z
+
+
 ReadFile = Callable[[Path], bytes]
 
 

@@ -24,7 +24,21 @@ from . import axes
 from .axes import Array
 from .camera import Lens, back_projected, laser_point, projected
 from .nodes import INCLUDE, ROOT, TAGS, Tag
-from .read import ROOT_ID, Element, InnerModelError, Model, Place, Problem, ReadFile, Value, found_file, read, read_file
+from .read import (
+    ROOT_ID,
+    Element,
+    InnerModelError,
+    Model,
+    Place,
+    Problem,
+    ReadFile,
+    Value,
+    found_file,
+    number_of,
+    read,
+    read_file,
+    three_of,
+)
 from .write import Written, written
 
 _MOST_CACHED = 4096
@@ -73,7 +87,7 @@ class _Node:
         self.id = str(values["id"])
         self.parent: _Node | None = None
         self.children: list[_Node] = []
-        self.position = float(_number(values.get("position", 0.0)))
+        self.position = number_of(values.get("position", 0.0))
         """Of a joint: rad, or mm."""
         self.is_set = False
         """Whether a joint was moved since the tree was read."""
@@ -206,7 +220,7 @@ class Tree:
             node = self._found(name)
             if self._drops_offsets and node.is_set:
                 return np.eye(4)
-            return axes.pose(_three(node.values, "t"), axes.rotation(*_three(node.values, "r")))
+            return axes.pose(three_of(node.values, "t"), axes.rotation(*three_of(node.values, "r")))
 
     def rotation(self, to: str, frame: str) -> Array:
         """Shape (3, 3)."""
@@ -289,7 +303,7 @@ class Tree:
             node = self._found(camera)
             if "focal" not in node.values:
                 raise InnerModelError(f"`{camera}` is a {node.tag.name}, not a camera")
-            return Lens(*(_number(node.values[name]) for name in ("width", "height", "focal")))
+            return Lens(*(number_of(node.values[name]) for name in ("width", "height", "focal")))
 
     # Moving things.
 
@@ -346,7 +360,7 @@ class Tree:
             node = self._found(name)
             if node.tag.name != kind:
                 raise InnerModelError(f"`{name}` is a {node.tag.name}, not a {kind}")
-            low, high = _number(node.values["min"]), _number(node.values["max"])
+            low, high = number_of(node.values["min"]), number_of(node.values["max"])
             node.position = min(max(float(position), low), high)
             node.is_set = True
             self._moved(node)
@@ -559,26 +573,15 @@ def _local(node: _Node, drops_offsets: bool) -> Array:
     """The pose of a node within its parent."""
     values = node.values
     if node.tag.name in ("plane", "display"):
-        return axes.pose(_three(values, "p"), axes.along_normal(_three(values, "n")))
-    made = axes.pose(_three(values, "t"), axes.rotation(*_three(values, "r")))
+        return axes.pose(three_of(values, "p"), axes.along_normal(three_of(values, "n")))
+    made = axes.pose(three_of(values, "t"), axes.rotation(*three_of(values, "r")))
     if node.tag.name == "joint":
         turned = axes.pose((0.0, 0.0, 0.0), axes.about(str(values["axis"]), node.position))
         return turned if drops_offsets and node.is_set else made @ turned
     if node.tag.name == "prismaticjoint":
-        slide = node.position + _number(values["offset"])
+        slide = node.position + number_of(values["offset"])
         return axes.pose([slide if each == values["axis"] else 0.0 for each in "xyz"], np.eye(3))
     return made
-
-
-def _three(values: Mapping[str, Value], kind: str) -> tuple[float, float, float]:
-    x, y, z = (_number(values.get(f"{kind}{axis}", 0.0)) for axis in "xyz")
-    return x, y, z
-
-
-def _number(value: Value) -> float:
-    if isinstance(value, (str, tuple)):
-        raise TypeError(f"{value!r} is no number")
-    return float(value)
 
 
 def _plain(value: Value) -> Value:

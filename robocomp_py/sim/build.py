@@ -25,7 +25,7 @@ from ..innermodel.axes import Array
 from ..innermodel.boxes import extents
 from ..innermodel.mesh import read_mesh
 from ..innermodel.pictures import GREY, Pixels, colour_of
-from ..innermodel.read import ROOT_ID, InnerModelError, Value
+from ..innermodel.read import ROOT_ID, InnerModelError, number_of, numbers_of, three_of
 from ..innermodel.tree import Node, Tree
 from . import grippers, servos
 from .contacts import Grounds, grounds, part
@@ -259,8 +259,8 @@ def _add_joint(building: Building, node: Node, parent: mujoco.MjsBody, within: A
 def _add_base(building: Building, node: Node, parent: mujoco.MjsBody, within: Array) -> tuple[mujoco.MjsBody, Array]:
     """A base slides along x and z of its parent, and turns about y after the turn `rx` that its tag has."""
     building.bases.append(node.id)
-    _, height, _ = _three(node, "t")
-    tilt, _, roll = _three(node, "r")
+    _, height, _ = three_of(node.values, "t")
+    tilt, _, roll = three_of(node.values, "r")
     tilted = axes.rotation(tilt, 0.0, 0.0)
     body = _add_body(building, parent, node.id, within @ axes.pose((0.0, height, 0.0), tilted))
     for axis in "xz":
@@ -292,7 +292,7 @@ def _add_box(building: Building, node: Node, body: mujoco.MjsBody, within: Array
 
 def _box(node: Node, within: Array) -> dict[str, Any]:
     """What the geom of a plane is made of."""
-    width, height, depth = extents(_numbers(node.values["size"])) / 2000.0
+    width, height, depth = extents(numbers_of(node.values["size"])) / 2000.0
     position, turn = _in_simulation(within)
     return {
         "size": np.maximum((depth, width, height), 1e-6),
@@ -303,7 +303,7 @@ def _box(node: Node, within: Array) -> dict[str, Any]:
 
 
 def _add_mesh(building: Building, node: Node, body: mujoco.MjsBody, within: Array) -> None:
-    path, scale = building.tree.file(node.id), _numbers(node.values["scale"])
+    path, scale = building.tree.file(node.id), numbers_of(node.values["scale"])
     if path is None:
         if building.without_meshes:
             return
@@ -369,7 +369,7 @@ def _weigh(building: Building, body: mujoco.MjsBody) -> None:
     """Give a body the inertia of the box around its shapes: MuJoCo wants one of each body that moves."""
     node = building.tree.node(body.name.removeprefix(_PREFIX))
     usual, least = (_BASE_MASS, _LEAST_BASE) if node.tag in BASES else (_MASS, _LEAST_EXTENT)
-    told = _number(node.values["mass"]) if node.values.get("engine") == "bullet" else 0.0
+    told = number_of(node.values["mass"]) if node.values.get("engine") == "bullet" else 0.0
     body.mass = building.parameters.get(node.id, {}).get("mass") or told or usual
     boxes = building.boxes.get(body.name, [])
     corners = np.concatenate(boxes) if boxes else np.zeros((1, 3))
@@ -534,8 +534,8 @@ def _start(building: Building, model: mujoco.MjModel) -> Array:
     start: Array = model.qpos0.copy()
     for name in building.bases:
         node, base = building.tree.node(name), _base(model, building.tree.node(name))
-        x, _, z = _three(node, "t")
-        start[[base.x, base.z, base.turn]] = x / 1000.0, z / 1000.0, _three(node, "r")[1]
+        x, _, z = three_of(node.values, "t")
+        start[[base.x, base.z, base.turn]] = x / 1000.0, z / 1000.0, three_of(node.values, "r")[1]
     for name in building.joints:
         joint = _joint(model, building.tree.node(name))
         start[joint.place] = joint.place_of(building.tree.position(name))
@@ -544,7 +544,7 @@ def _start(building: Building, model: mujoco.MjModel) -> Array:
 
 def _base(model: mujoco.MjModel, node: Node) -> Base:
     x, z, turn = (int(model.joint(f"{_PREFIX}{node.id}.{each}").qposadr[0]) for each in ("x", "z", "turn"))
-    noise, collides = _number(node.values["noise"]), bool(node.values["collide"])
+    noise, collides = number_of(node.values["noise"]), bool(node.values["collide"])
     servo = model.actuator(servos.of_base(_PREFIX + node.id)).id
     bodies = _bodies(model, _PREFIX + node.id)
     shapes, is_omni = bodies[model.geom_bodyid], node.tag == "omnirobot"
@@ -552,7 +552,7 @@ def _base(model: mujoco.MjModel, node: Node) -> Base:
 
 
 def _is_tilted(base: Node) -> bool:
-    return _three(base, "r")[0] != 0.0
+    return three_of(base.values, "r")[0] != 0.0
 
 
 def _bodies(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
@@ -566,9 +566,9 @@ def _bodies(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
 
 def _joint(model: mujoco.MjModel, node: Node) -> Joint:
     place = int(model.joint(_PREFIX + node.id).qposadr[0])
-    low, high, home = (_number(node.values[each]) for each in ("min", "max", "home"))
+    low, high, home = (number_of(node.values[each]) for each in ("min", "max", "home"))
     slides = node.tag == "prismaticjoint"
-    offset = _number(node.values["offset"]) / 1000.0 if slides else 0.0
+    offset = number_of(node.values["offset"]) / 1000.0 if slides else 0.0
     freedom = int(model.joint(_PREFIX + node.id).dofadr[0])
     return Joint(node.id, place, freedom, slides, offset, low, high, home, model.actuator(_PREFIX + node.id).id)
 
@@ -582,17 +582,3 @@ def _quaternion(turn: Array) -> Array:
     made = np.empty(4)
     mujoco.mju_mat2Quat(made, turn.ravel())
     return made
-
-
-def _three(node: Node, kind: str) -> tuple[float, float, float]:
-    x, y, z = (_number(node.values.get(f"{kind}{axis}", 0.0)) for axis in "xyz")
-    return x, y, z
-
-
-def _number(value: Value) -> float:
-    assert not isinstance(value, (str, tuple))
-    return float(value)
-
-
-def _numbers(value: Value) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (_number(value),)

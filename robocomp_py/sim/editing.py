@@ -21,7 +21,7 @@ from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.mesh import read_mesh
 from ..innermodel.nodes import TAGS
-from ..innermodel.read import MOST_NODES, ROOT_ID, InnerModelError, Value
+from ..innermodel.read import MOST_NODES, ROOT_ID, InnerModelError, Value, number_of, numbers_of
 from ..innermodel.tree import Node, Tree
 from ..spelling import unknown
 from .build import build
@@ -302,7 +302,7 @@ class Editing:
         values, path = tree.node(item).values, tree.file(item)
         if path is None:
             raise EditError("InvalidPath", f"`{item}`: there is no file `{values['file']}`")
-        alone, used = Tree(), scale or _tuple(values["scale"])
+        alone, used = Tree(), scale or numbers_of(values["scale"])
         try:
             read_mesh(path, used)
             alone.add(ROOT_ID, "mesh", item, file=str(path.resolve()), scale=used)
@@ -328,7 +328,7 @@ class Editing:
         pose = _numbers(local)
         values = dict(zip(("ty", "rx", "rz"), (pose[1], pose[3], pose[5]), strict=True))
         for key, value in values.items():
-            if float(str(node.values[key])) != value:
+            if number_of(node.values[key]) != value:
                 self._change().set_value(node.id, key, value)
         self._change()
         self._placed[node.id] = local
@@ -434,7 +434,3 @@ def _positive(what: str, numbers: Sequence[float]) -> tuple[float, ...]:
     if not all(0.0 < each <= _FARTHEST for each in numbers):
         raise EditError("InvalidValues", f"a {what} of {', '.join(f'{each:g}' for each in numbers)}: more than 0 each")
     return tuple(map(float, numbers))
-
-
-def _tuple(value: Value) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (float(str(value)),)

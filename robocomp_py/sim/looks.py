@@ -22,7 +22,7 @@ from ..innermodel.boxes import bars, pictured
 from ..innermodel.camera import Lens
 from ..innermodel.mesh import read_mesh
 from ..innermodel.pictures import GREY, Pixels, colour_of, read_picture
-from ..innermodel.read import InnerModelError
+from ..innermodel.read import InnerModelError, number_of
 from ..innermodel.tree import Node, Tree
 from .drawing import FARTHEST, NEAREST
 
@@ -99,7 +99,7 @@ class Looks:
         """Add the boxes of `axes`, at a pose in `body`, in mm and our axes."""
         turn = np.empty(4)
         mujoco.mju_mat2Quat(turn, axes.rotation_to_simulation(within[:3, :3]).ravel())
-        length, width = (float(str(node.values[each])) for each in ("length", "width"))
+        length, width = (number_of(node.values[each]) for each in ("length", "width"))
         for bar in bars(length, width):
             across, up, ahead = bar.size
             body.add_geom(
@@ -214,7 +214,7 @@ def cameras(tree: Tree) -> list[str]:
 
 def lens_of(node: Node) -> Lens:
     """Raises InnerModelError for a camera that cannot take a picture."""
-    width, height, focal = (float(str(node.values[each])) for each in ("width", "height", "focal"))
+    width, height, focal = (number_of(node.values[each]) for each in ("width", "height", "focal"))
     if not (1 <= width <= _MOST_PIXELS and 1 <= height <= _MOST_PIXELS and focal > 0):
         raise InnerModelError(
             f"`{node.id}`: a camera needs `width` and `height` from 1 to {_MOST_PIXELS}, and `focal` above 0; "

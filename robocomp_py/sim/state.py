@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.pictures import Pixels
-from ..innermodel.read import InnerModelError
+from ..innermodel.read import InnerModelError, number_of
 from ..innermodel.tree import Tree
 from ..spelling import unknown
 from .bases import Drive, Pose, Speed
@@ -184,7 +184,7 @@ class State:
         """What the file says of noise."""
         found = {name: base.noise for name, base in self._scene.bases.items() if base.noise}
         for name in self._lenses:
-            noise = float(str(self._tree.node(name).values.get("noise", 0.0)))
+            noise = number_of(self._tree.node(name).values.get("noise", 0.0))
             found |= {name: noise} if noise else {}
         return found
 

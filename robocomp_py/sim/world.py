@@ -23,7 +23,7 @@ from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.camera import Lens
 from ..innermodel.pictures import MOST_SHOWN, Pixels
-from ..innermodel.read import ROOT_ID
+from ..innermodel.read import ROOT_ID, number_of
 from ..innermodel.tree import Tree
 from .bases import Pose, Speed
 from .devices.imu import Inertia, Inertial
@@ -103,7 +103,7 @@ class World(Motion, Touching):
         """Put a base, or a free body, where a pose within its parent says, at rest."""
         node, model = self._tree.node(name), self._scene.model
         if name in self._scene.bases:
-            tilt, roll = (float(str(node.values[each])) for each in ("rx", "rz"))
+            tilt, roll = (number_of(node.values[each]) for each in ("rx", "rz"))
             turned = axes.rotation(tilt, 0.0, 0.0).T @ pose[:3, :3] @ axes.rotation(0.0, 0.0, roll).T
             self._place(name, Pose(float(pose[0, 3]), float(pose[2, 3]), math.atan2(turned[0, 2], turned[0, 0])))
             self._data.qvel[[model.jnt_dofadr[model.joint(f".{name}.{each}").id] for each in ("x", "z", "turn")]] = 0.0
@@ -179,6 +179,14 @@ class World(Motion, Touching):
     def grippers(self) -> list[str]:
         """The nodes with the parameter `suction`."""
         return list(self._scene.grippers)
+
+    @property
+    def imus(self) -> list[str]:
+        return list(self._imus)
+
+    @property
+    def touch_sensors(self) -> list[str]:
+        return list(self._touches)
 
     # What robots are told.
 

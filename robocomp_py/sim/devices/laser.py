@@ -7,7 +7,7 @@ import numpy as np
 
 from ...innermodel.axes import Array
 from ...innermodel.camera import laser_angles
-from ...innermodel.read import InnerModelError
+from ...innermodel.read import InnerModelError, number_of
 from ...innermodel.tree import Node
 from ..build import Frame
 from .rays import Rays
@@ -40,7 +40,7 @@ class Laser:
 
 def limits(node: Node) -> tuple[float, float]:
     """The least and the greatest distance of a node `laser`, mm. Raises InnerModelError if it measures nothing."""
-    rays, low, high = (float(str(node.values[each])) for each in ("measures", "min", "max"))
+    rays, low, high = (number_of(node.values[each]) for each in ("measures", "min", "max"))
     if rays < 1 or not 0.0 <= low < high:
         raise InnerModelError(
             f"`{node.id}`: a laser needs `measures` of 1 or more, and 0 ≤ `min` < `max`; "
@@ -53,4 +53,4 @@ def limits(node: Node) -> tuple[float, float]:
 def angles(node: Node) -> Array:
     """The directions of the rays of a node `laser`, rad to the right, shape (measures,). Raises as `limits` does."""
     limits(node)
-    return laser_angles(float(str(node.values["angle"])), int(str(node.values["measures"])))
+    return laser_angles(number_of(node.values["angle"]), int(number_of(node.values["measures"])))

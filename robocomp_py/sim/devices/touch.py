@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from ...innermodel import axes
+from ...innermodel.read import number_of
 from ...innermodel.tree import Tree
 from ..build import Frame, Scene
 
@@ -18,11 +19,11 @@ class Touch:
     def __init__(self, tree: Tree, name: str, scene: Scene) -> None:
         node, model = tree.node(name), scene.model
         self._frame: Frame = scene.frames[name]
-        normal = np.array([float(str(node.values[f"n{axis}"])) for axis in "xyz"])
+        normal = np.array([number_of(node.values[f"n{axis}"]) for axis in "xyz"])
         length = float(np.linalg.norm(normal))
         self._normal = axes.TO_SIMULATION @ normal / length if length else None
         self._is_bumper = str(node.values["type"]).lower() == "bumper"
-        self._low, self._high = float(str(node.values["min"])), float(str(node.values["max"]))
+        self._low, self._high = number_of(node.values["min"]), number_of(node.values["max"])
         below = {name}
         for each in tree.ids:  # parents first
             if tree.node(each).parent in below:

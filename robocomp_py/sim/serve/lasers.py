@@ -12,6 +12,7 @@ from ...contract.interface import Interface
 from ...contract.types import Struct, Type
 from ...innermodel import axes
 from ...innermodel.axes import Array
+from ...innermodel.read import number_of
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from .bases import state
@@ -52,7 +53,7 @@ class LaserHandler(InstanceHandler):
     def getLaserConfData(self) -> Any:
         """What the file tells of the laser; angles in degrees there."""
         values = self._laser.values
-        rays, field = int(str(values["measures"])), math.degrees(float(str(values["angle"])))
+        rays, field = int(number_of(values["measures"])), math.degrees(number_of(values["angle"]))
         return filled(
             self._configuration,
             {
@@ -61,8 +62,8 @@ class LaserHandler(InstanceHandler):
                 "staticConf": 1,
                 "maxMeasures": rays,
                 "maxDegrees": round(field),
-                "maxRange": round(float(str(values["max"]))),
-                "minRange": round(float(str(values["min"]))),
+                "maxRange": round(number_of(values["max"])),
+                "minRange": round(number_of(values["min"])),
                 "endRange": round(field),
                 "angleRes": field / rays,
                 "angleIni": -field / 2,

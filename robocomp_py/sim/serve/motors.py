@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...contract.interface import Interface
 from ...contract.types import Dictionary, Sequence, Type
+from ...innermodel.read import number_of
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from ...spelling import unknown
@@ -105,7 +106,7 @@ class JointMotorHandler(InstanceHandler):
         return {"name": joint, "minPos": values["min"], "maxPos": values["max"], "zeroPos": values["home"]}
 
     def _home(self, joint: str) -> float:
-        return float(str(self.joints[joint].values["home"]))
+        return number_of(self.joints[joint].values["home"])
 
     def _returned(self, name: str) -> Type:
         return operation(self._interface, name).outputs[0].type

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from ...innermodel.read import InnerModelError
+from ...innermodel.read import InnerModelError, number_of
 from ...innermodel.tree import Tree
 from ...wire.names import is_segment
 
@@ -80,7 +80,7 @@ def at_ports(tree: Tree, lidars: Collection[str]) -> dict[str, tuple[tuple[str, 
     groups, taken = motors(tree), dict[int, str]()
     for name, interfaces in offers(tree, lidars).items():
         node = groups[name][0] if name in groups else name
-        port = int(str(tree.node(node).values.get("port", 0)))
+        port = int(number_of(tree.node(node).values.get("port", 0)))
         if port in taken:
             raise InnerModelError(f"`{node}`: port {port} is that of `{taken[port]}`, too: give one another", node=node)
         if port:

@@ -18,7 +18,7 @@ from ...contract.component import Port
 from ...contract.interface import Interface
 from ...contract.types import Type
 from ...errors import ConfigurationError
-from ...innermodel.read import InnerModelError
+from ...innermodel.read import InnerModelError, number_of
 from ...innermodel.tree import Tree
 from ...runtime.clock import Real
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
@@ -174,7 +174,7 @@ class Simulator(Controlled, Managed):
                 for joint in joints if getattr(self, port.attribute).is_declared(name) else ():
                     node = self._tree.node(joint)
                     update = self._tree.update_joint if node.tag == "joint" else self._tree.update_prismatic
-                    home = float(str(node.values["home"]))
+                    home = number_of(node.values["home"])
                     if home or all_joints:
                         update(joint, home)
 

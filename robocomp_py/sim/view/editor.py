@@ -21,7 +21,7 @@ from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.mesh import read_mesh
 from ...innermodel.nodes import TAGS
-from ...innermodel.read import ROOT_ID, InnerModelError, Value, found_file, read, read_file
+from ...innermodel.read import ROOT_ID, InnerModelError, Value, found_file, number_of, read, read_file
 from ...innermodel.tree import Node, Tree
 
 Write = Callable[[Path, bytes], None]
@@ -286,7 +286,7 @@ def moved(node: Node, local: Array) -> dict[str, float]:
     if not turns:
         return found
     names = ("nx", "ny", "nz") if is_plane else ("rx", "ry", "rz")
-    told = [float(str(node.values[each])) for each in names]
+    told = [number_of(node.values[each]) for each in names]
     before = axes.along_normal(told) if is_plane else axes.rotation(*told)
     near = 0.5 * 10**-_ANGLES
     if is_plane:
@@ -304,7 +304,7 @@ def _rounded(node: Node, wanted: Mapping[str, float], decimals: int) -> dict[str
     return {
         name: round(value, decimals) + 0.0
         for name, value in wanted.items()
-        if abs(value - float(str(node.values[name]))) > near
+        if abs(value - number_of(node.values[name])) > near
     }
 
 

@@ -20,7 +20,7 @@ from ...innermodel.axes import Array
 from ...innermodel.boxes import bars, extents
 from ...innermodel.mesh import Mesh, read_mesh
 from ...innermodel.pictures import GREY, Pixels, colour_of, read_picture
-from ...innermodel.read import ROOT_ID, InnerModelError, Value
+from ...innermodel.read import ROOT_ID, InnerModelError, number_of, numbers_of
 from ...innermodel.tree import Node, Tree
 
 Colour = tuple[int, int, int]
@@ -181,20 +181,20 @@ def _forms(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Ite
         case "mesh":
             yield "", here, _mesh(tree, node, gallery, troubles)
         case "rgbd" | "camera":
-            width, height, focal = (_number(values[each]) for each in ("width", "height", "focal"))
+            width, height, focal = (number_of(values[each]) for each in ("width", "height", "focal"))
             if min(width, height, focal) > 0.0:
                 yield "", here, Eye(2.0 * math.atan2(height / 2.0, focal), width / height)
         case "laser":
-            if (angle := _number(values["angle"])) > 0.0:
+            if (angle := number_of(values["angle"])) > 0.0:
                 yield "", here, Fan(min(angle, 2.0 * math.pi))
         case "axes":
-            length, width = _number(values["length"]), _number(values["width"])
+            length, width = number_of(values["length"]), number_of(values["width"])
             for bar in bars(length, width):
                 yield bar.axis, axes.pose(bar.middle, np.eye(3)), Block(_block(np.array(bar.size)), bar.colour)
 
 
 def _plane(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Form:
-    text, size = str(node.values["texture"]), extents(_numbers(node.values["size"]))
+    text, size = str(node.values["texture"]), extents(numbers_of(node.values["size"]))
     colour = colour_of(text)
     if text and colour is None and node.tag == "plane":
         path = tree.file(node.id, "texture")
@@ -216,7 +216,7 @@ def _mesh(tree: Tree, node: Node, gallery: Gallery, troubles: list[str]) -> Form
     problem = f"there is no file `{node.values['file']}`"
     if path is not None:
         is_wireframe = node.values["render"] == "wireframe"
-        form = Surface(path, _numbers(node.values["scale"]), is_wireframe, stamp(path))
+        form = Surface(path, numbers_of(node.values["scale"]), is_wireframe, stamp(path))
         mesh = gallery.mesh(form)
         if not isinstance(mesh, str):
             return form
@@ -242,11 +242,3 @@ def _block(size: Array) -> Size:
     """Width, height and depth in mm, as the page has them."""
     width, height, depth = np.round(size * 0.001, 6).tolist()
     return depth, width, height
-
-
-def _number(value: Value) -> float:
-    return float(str(value))
-
-
-def _numbers(value: Value) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (_number(value),)
