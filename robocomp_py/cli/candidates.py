@@ -8,11 +8,14 @@ import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .common import FINE
 from .completing import ASKED, Values, What
 from .unsafe import help_of_commands
+
+if TYPE_CHECKING:
+    from ..contract.types import Field
 
 Finder = Callable[[Sequence[str], str], tuple[argparse.ArgumentParser, Sequence[str]]]
 """Finds the parser for a word behind others, and those of the others that it reads."""
@@ -220,6 +223,10 @@ def _names(what: What, word: str, given: _Given) -> Iterator[Candidate]:
             yield from _recorded(given.get("recording", ()), word)
         case What.INSTANCE:
             yield from _instances(given.get("network", ()))
+        case What.DECLARED:
+            yield from _declared([*given.get("network", ()), *given.get("words", ())])
+        case What.FIELD:
+            yield from _fields([*given.get("operation", ()), *given.get("topic", ())], given.get("arguments", ()), word)
         case What.PARAMETER | What.SETTING:
             yield from _parameters(given.get("component", ()), word, to_set=what is What.SETTING)
         case What.CHANNEL | What.TOPIC | What.CALLABLE:
@@ -244,6 +251,52 @@ def _instances(networks: Iterable[str]) -> Iterator[Candidate]:
             systems = [name.rsplit("/", up)[0] for name in names for up in range(1, name.count("/") + 1)]
             yield from map(Candidate, [*names, str(process["name"])])
             yield from (Candidate(name, "a system") for name in systems)
+
+
+def _declared(paths: Iterable[str]) -> Iterator[Candidate]:
+    """The instances in the files of networks."""
+    from ..dsl.workspace import Workspace
+
+    for each in paths:
+        model = Workspace().deployment(Path(each).expanduser())
+        for instance in model.instances if model else ():
+            yield Candidate(str(instance.name), str(instance.kind or ""))
+
+
+def _fields(channels: Sequence[str], before: Sequence[str], word: str) -> Iterator[Candidate]:
+    """`NAME=` for each field of the channel that was named, `A.B=` within a struct; then the values it is one of."""
+    from ..contract.types import BOOL, Enumeration, spell
+    from ..tools.census import take_files
+
+    taken = {each.partition("=")[0] for each in before}
+    try:
+        found = take_files().named(channels[0]) if channels else []
+        leaves = list(_leaves(found[0].operation.inputs)) if len(found) == 1 else []
+    except ValueError:
+        return  # a shell can show no error
+    for path, field in leaves:
+        kind = field.type
+        if path in taken:
+            continue
+        if not word.startswith(f"{path}="):
+            about = spell(kind).replace("::", ".")
+            yield Candidate(f"{path}=", f"{about}; {field.doc}" if field.doc else about)
+        elif isinstance(kind, Enumeration):
+            yield from (Candidate(f"{path}={name}") for name, _ in kind.members)
+        elif kind is BOOL:
+            yield from (Candidate(f"{path}={value}") for value in ("true", "false"))
+
+
+def _leaves(fields: Iterable[Field], above: str = "") -> Iterator[tuple[str, Field]]:
+    """All fields but structs, whose own fields are meant instead, with their paths."""
+    from ..contract.types import Struct
+
+    for each in fields:
+        path = f"{above}{each.name}"
+        if isinstance(each.type, Struct):
+            yield from _leaves(each.type.fields, f"{path}.")
+        else:
+            yield path, each
 
 
 def _recorded(paths: Iterable[str], word: str) -> Iterator[Candidate]:

@@ -108,9 +108,8 @@ def add_topics(to: argparse.ArgumentParser) -> None:
 
 def add_request(to: argparse.ArgumentParser) -> None:
     """What `request_of` reads."""
-    to.add_argument(
-        "arguments", nargs="*", metavar="ARGUMENT", help="a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
-    )
+    about = "a JSON object, @FILE with one, or FIELD=VALUE (a.b=1)"
+    completed(to.add_argument("arguments", nargs="*", metavar="ARGUMENT", help=about), What.FIELD)
 
 
 @contextmanager

@@ -120,6 +120,27 @@ def test_names_of_what_runs_are_found(talker: object) -> None:
     assert completed("rc action cancel ") == []
 
 
+def test_fields_of_what_is_called_or_published_are_found(talker: object) -> None:
+    assert completed("rc call talker/Everything/divide ") == ["dividend=", "divisor="]
+    assert completed("rc call divide dividend=7 ") == ["divisor="]
+    assert completed("rc call divide divis", "fish") == ["divisor=\tint64"]
+    assert completed("rc pub talker/Everything/news t") == ["text="]
+    nested = "rc call echo_nested value.scalars"
+    assert completed(f"{nested}.i") == [f"value.scalars.i{bits}=" for bits in (8, 64, 16, 32)]
+    assert completed(f"{nested}.colour=") == ["red", "green", "ultraviolet"]
+    assert completed(f"{nested}.flag=t", "zsh") == ["value.scalars.flag=true"]
+
+
+def test_instances_that_a_network_declares_are_found(files: Path) -> None:
+    (files / "home.ddsl").write_text(
+        "Deployment home { Component hall : lamp { }; System left { Component arm { }; }; };"
+    )
+    assert completed("rcdeploy up home.ddsl --until ") == ["hall", "left/arm"]
+    assert completed("rcdeploy home.ddsl --until=l") == ["left/arm"]
+    assert completed("rcdeploy simulate home.ddsl --until ha") == ["hall"]
+    assert completed("rcdeploy up nowhere.ddsl --until ") == []
+
+
 @pytest.fixture
 def tuned(own_runtime_folder: Path) -> Iterator[object]:
     with running(make(Tuned, find_transport, "middleware=shm", "params.device=here", name="tuned")) as worker:
@@ -164,7 +185,7 @@ def test_checks_of_the_doctor_and_hosts_are_found(own_runtime_folder: Path, file
 
 
 def test_nothing_is_found_for_what_cannot_be_known(talker: object) -> None:
-    assert completed("rc call divide ") == []
+    assert completed("rc call nowhere/divide ") == completed("rc pub {} ") == []
     assert completed("rc echo -- t") == ["talker/Everything/news"]
 
 

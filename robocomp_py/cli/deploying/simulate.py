@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..common import FINE, USAGE, WRONG, complain, signalled
+from ..completing import What, completed
 from ..network import add_network, override_words
 from ..progress import Progress
 from .planning import planned
@@ -55,7 +56,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     add_network(to)
     to.add_argument("--for", dest="duration", type=seconds, metavar="SECONDS", help="virtual seconds to run")
-    to.add_argument("--until", metavar="INSTANCE", help="end when this instance has ended")
+    about = "end when this instance has ended"
+    completed(to.add_argument("--until", metavar="INSTANCE", help=about), What.DECLARED)
     to.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
     to.add_argument(
         "--speed",

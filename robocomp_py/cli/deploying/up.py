@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common import FINE, USAGE, complain, signalled
+from ..completing import What, completed
 from ..network import add_clock, add_network
 from .guarding import add_guards, guarded
 from .planning import planned
@@ -51,7 +52,8 @@ def add_options(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--for", dest="duration", type=seconds, metavar="SECONDS", help="stop this long after all components are ready"
     )
-    to.add_argument("--until", metavar="INSTANCE", help="stop the network when this instance ends")
+    about = "stop the network when this instance ends"
+    completed(to.add_argument("--until", metavar="INSTANCE", help=about), What.DECLARED)
     to.add_argument("--log-dir", type=Path, metavar="DIR", help="folder for the logs of the components")
     to.add_argument(
         "--record-logs", choices=("text", "json"), default="text", help="format of the logs (default: text)"

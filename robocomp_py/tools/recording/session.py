@@ -101,7 +101,15 @@ class Session:
         self._next = max(begun + _LOOK, 2 * ended - begun, begun + 10 * (time.thread_time() - used))
         for channel in chosen(network, self._wanted):
             self._follow(channel)
+        if self._followed:  # otherwise the caller tells what it waits for
+            self._propose(network)
         self._also(network)
+
+    def _propose(self, network: Network) -> None:
+        """Tell once of each name that is not published but resembles one that is."""
+        for name in self._wanted:
+            if not chosen(network, (name,)) and (near := network.closest(name)):
+                self._complain(name, f"nothing publishes `{name}` so far; did you mean `{near}`?")
 
     def _follow(self, channel: Channel) -> None:
         try:

@@ -97,6 +97,16 @@ def test_a_misspelt_topic_is_told_with_what_was_meant(
     assert "rc record: nothing publishes `nws`; did you mean `news`?" in told
 
 
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+def test_a_misspelt_topic_beside_a_right_one_is_told_once(
+    talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rc.main(["record", CHANNEL, "nws", "elephant", "--for", "0.5", "-o", str(tmp_path / "run")]) == 0
+    told = capsys.readouterr().err
+    assert told.count("rc record: nothing publishes `nws` so far; did you mean `news`?") == 1
+    assert "elephant" not in told
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 @pytest.mark.parametrize("talker", ["shm"], indirect=True)
 def test_what_an_ended_recorder_has_written_is_there(
