@@ -32,7 +32,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def all_of(path: Path) -> list[int]:
     """Everything a reader does."""
     with Recording(path) as recording:
-        values = values_by_topic(recording)
+        values = values_by_topic()
         return [values(each)[0] for each in recording.messages()]
 
 

@@ -106,7 +106,7 @@ def recorded(folder: Path, over: str, wanted: list[str], **what: bool) -> tuple[
             tellers.close()
     assert not any(each.unreadable or each.unknown for each in tellers.all)
     with Recording(folder) as recording:
-        values = values_by_topic(recording)
+        values = values_by_topic()
         found: dict[str, list[Any]] = {name: [] for name in recording.topics}
         for each in recording.messages():
             found[each.topic.name].append(values(each))

@@ -58,7 +58,7 @@ def test_a_topic_is_recorded_and_read_by_us_and_by_ros(
     assert (topic["channel"], topic["lost"], topic["dropped"], topic["unreadable"]) == (CHANNEL, 0, 0, 0)
     with Recording(tmp_path / "run") as recording:
         messages = list(recording.messages())
-        values = [values_by_topic(recording)(each) for each in messages]
+        values = [values_by_topic()(each) for each in messages]
         assert recording.topics[CHANNEL].publisher == "talker"
         assert recording.topics[CHANNEL].middleware == talker
     assert len(messages) == topic["messages"] > 0

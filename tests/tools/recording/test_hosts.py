@@ -77,7 +77,7 @@ def read(folder: Path) -> dict[str, list[tuple[int, int, int, tuple[Any, ...]]]]
     """By topic: when each message came, when it was sent, its number and its values."""
     found: dict[str, list[tuple[int, int, int, tuple[Any, ...]]]] = {}
     with Recording(folder) as recording:
-        values = values_by_topic(recording)
+        values = values_by_topic()
         for each in recording.messages():
             told = each.log_time, each.publish_time, each.sequence, values(each)
             found.setdefault(each.topic.name, []).append(told)

@@ -65,5 +65,5 @@ def test_any_recorded_message_is_read(
         assert by_mcap(run) == wanted
         assert by_rosbags(run) == [(topic, time, 0, values) for topic, time, _, values in wanted]
         with Recording(run) as recording:
-            decoded = [values_by_topic(recording)(each) for each in recording.messages()]
+            decoded = [values_by_topic()(each) for each in recording.messages()]
     assert [repr(expected(message.fields, each)) for each in decoded] == [text, text]

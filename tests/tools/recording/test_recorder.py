@@ -52,7 +52,7 @@ def filled(folder: Path, options: Options, numbers: int, octets: int = 0) -> Pat
 
 def numbers_in(path: Path) -> list[int]:
     with Recording(path) as recording:
-        values = values_by_topic(recording)
+        values = values_by_topic()
         return [values(each)[0] for each in recording.messages()]
 
 
@@ -63,7 +63,7 @@ def test_what_is_recorded_is_read(compress: str, schema: str, tmp_path: Path) ->
     with Recording(tmp_path / "run") as recording:
         (topic,) = recording.topics.values()
         messages = list(recording.messages())
-        values = [values_by_topic(recording)(each) for each in messages]
+        values = [values_by_topic()(each) for each in messages]
     assert (topic.name, topic.operation, topic.publisher, topic.middleware) == ("hall/News/told", NEWS, "hall", "shm")
     assert (topic.qos, topic.problem, recording.counts) == (LATCHED, "", {"hall/News/told": 3})
     assert (recording.start, recording.end) == (0, 2 * 10**9)
@@ -161,7 +161,7 @@ def test_payloads_of_other_codecs_are_recorded_as_cdr(recorder: Recorder) -> Non
     recorder.close()
     assert [(each.written, each.malformed) for each in tracks] == [(1, 0)] * 4
     with Recording(recorder.folder) as recording:
-        assert [values_by_topic(recording)(each) for each in recording.messages()] == [values] * 4
+        assert [values_by_topic()(each) for each in recording.messages()] == [values] * 4
 
 
 def test_messages_that_cannot_be_decoded_are_counted(recorder: Recorder) -> None:
