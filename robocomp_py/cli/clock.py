@@ -72,6 +72,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from ..errors import RemoteFailure
+    from ..spelling import and_then
     from ..tools import clocks
     from ..tools.access import Access
 
@@ -82,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         try:
             return network, components_named(known, [options.of] if options.of else [])
         except Absent as exc:
-            raise ValueError(f"{exc}; these lead a clock: {', '.join(known)}") from exc
+            raise ValueError(and_then(str(exc), f"these lead a clock: {', '.join(known)}")) from exc
 
     with reported(f"rc clock {options.does}") as code, Access() as access:
         network, leaders = awaited(options, pick)

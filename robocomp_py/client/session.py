@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from ..contract.interface import Operation
 from ..contract.qos import QoS
 from ..errors import Closed, RobocompError
-from ..spelling import closest
+from ..spelling import and_then, closest
 from ..threads import NO_THREAD, start_thread
 from ..tools.access import Access, Subscription
 from ..tools.far import FarLink
@@ -123,8 +123,9 @@ class Session:
         where = "/".join(path) or self.network or "what runs on this host"
         near = closest(name, [*children, *methods])
         hint = f"did you mean `{near}`?" if near else f"there is {', '.join(children[:12]) or 'nothing'}"
-        may = f"; {why}, and it may be there" if (why := "; ".join(self.lost.values())) else ""
-        return NotThere(f"`{name}` is not in {where}; {hint}{may}")
+        told = f"`{name}` is not in {where}; {hint}"
+        why = "; ".join(self.lost.values())
+        return NotThere(and_then(told, f"{why}, and it may be there") if why else told)
 
     def check_open(self) -> None:
         if self._ended.is_set():
