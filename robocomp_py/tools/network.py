@@ -122,6 +122,12 @@ class Channel:
         return ends[0].via if ends and all(each.via for each in ends) else None
 
     @property
+    def unheard(self) -> list[str]:
+        """The hosts whose publishers a subscription to this topic does not hear: it is opened here, or by one scout."""
+        via = self.via
+        return list(dict.fromkeys(each.host for each in self.providers if each.via and each.via is not via))
+
+    @property
     def options(self) -> Mapping[str, Any]:
         """With which this process opens the first of its middlewares."""
         return next((each.options for each in self.providers or self.users if each.via is None), {})

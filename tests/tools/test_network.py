@@ -9,6 +9,8 @@ import pytest
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.testing import everything as e
 from robocomp_py.tools.network import End, Network
+from robocomp_py.tools.posts import Post
+from robocomp_py.tools.recording.session import way_of
 from robocomp_py.transports.census import Told
 
 
@@ -54,6 +56,21 @@ def test_components_of_one_name_in_two_namespaces_are_two() -> None:
         ("left/arm", ["Everything"]),
         ("right/arm", ["Everything"]),
     ]
+
+
+def test_a_topic_of_several_hosts_tells_which_of_them_are_not_heard() -> None:
+    def there(host: str) -> End:
+        published = end("world", "publishes", "world/Everything/news")
+        return replace(published, host=host, via=Post(host, lambda: pytest.fail("no scout is needed")))
+
+    here, base, arm = end("world", "publishes", "world/Everything/news"), there("base"), there("arm")
+    (far,) = Network([base, arm]).channels.values()
+    assert (far.unheard, way_of(far)) == (
+        ["arm"],
+        "over near of base; what is published under this name on arm is left out",
+    )
+    assert Network([here, base, arm]).topic("news").unheard == ["base", "arm"]
+    assert Network([here]).topic("news").unheard == Network([base]).topic("news").unheard == []
 
 
 def test_a_whole_name_means_only_its_own_channel() -> None:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from ...contract.interface import Pattern
 from ...errors import HostUnreachable, RobocompError
+from ...spelling import enumerated
 from ...transports.base import Heard as Headed
 from ...wire.codec import Payload
 from ..access import Access, Subscription
@@ -161,7 +162,11 @@ def listen_again(link: Subscription | None) -> None:
 
 def way_of(channel: Channel) -> str:
     """How a channel is heard, for people."""
-    return f"over {channel.middlewares[0]}" + (f" of {channel.via.host}" if channel.via else "")
+    host = f" of {channel.via.host}" if channel.via else ""
+    others = (
+        f"; what is published under this name on {enumerated(channel.unheard)} is left out" if channel.unheard else ""
+    )
+    return f"over {channel.middlewares[0]}{host}{others}"
 
 
 def chosen(network: Network, wanted: Sequence[str]) -> list[Channel]:

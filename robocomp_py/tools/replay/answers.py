@@ -1,7 +1,7 @@
 """Answers the queries of a recording: each with the newest response that was recorded until then.
 
 A client waits until all operations of an interface are there. So those that were not recorded are there, too: queries
-fail, and commands are discarded.
+fail, and commands are discarded. An interface of which no query was recorded is not there, and that is told.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ...errors import DecodeError, RobocompError
 from ...transports.base import Link
 from ...wire import names
 from ..access import Access
+from ..announced import OWN
 from ..network import End, Network
 from ..recording.calls import CALLS, INFO
 from ..recording.reader import RecordedTopic, Recording, named
@@ -131,7 +132,22 @@ class Answers:
                     self._serve(each, middleware)
         if is_called:
             self._complete(network)
+        self._tell_unanswered(network)
         return is_called
+
+    def _tell_unanswered(self, network: Network) -> None:
+        """Tell once of each interface that is called, and neither recorded nor served."""
+        ports = dict.fromkeys(each.channel.rpartition("/")[0] for each in self._answers)
+        queries = [each for each in network.channels.values() if each.pattern is Pattern.QUERY and each.providers]
+        for end in network.ends if ports else ():
+            port, _, operation = end.told.channel.rpartition("/")
+            if end.role != "calls" or port in self._told or names.segment(end.told.channel) in OWN:
+                continue
+            there = [*(f"{each}/{operation}" for each in ports), *(each.name for each in queries)]
+            if not any(names.matches(end.told.channel, each) for each in there):
+                owner = end.told.owner or "a program"
+                what = port.removeprefix(f"{names.ANY}/")
+                self._complain(port, f"{what} is not served: {owner} calls it, and no query of it was recorded")
 
     def _complete(self, network: Network) -> None:
         """Be there for what else clients need of the same interfaces."""

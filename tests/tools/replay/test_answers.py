@@ -70,8 +70,8 @@ def answered(folder: Path, *responses: tuple[int, int] | None) -> Path:
     return folder
 
 
-def asking(over: str) -> Any:
-    made = make(Pupil, find_transport, f"middleware={over}", "ports.everything.from=calculator")
+def asking(over: str, whom: str = "calculator", name: str = "pupil") -> Any:
+    made = make(Pupil, find_transport, f"middleware={over}", f"ports.everything.from={whom}", name=name)
     return running(made, ready=False)
 
 
@@ -90,6 +90,21 @@ def test_a_client_gets_the_newest_response_that_was_recorded(over: str, tmp_path
     assert worker.reason == "the recording has no response"  # of `work`
     assert (list(answer.ways), told) == ([over], [])
     assert answer.answered >= 2
+
+
+def test_an_interface_that_is_called_and_was_not_recorded_is_told_once(tmp_path: Path) -> None:
+    told: list[str] = []
+    with (
+        Recording(answered(tmp_path / "run", (3, 1))) as recording,
+        asking("shm"),
+        asking("shm", "absent", "lost"),
+        Access() as access,
+    ):
+        answers = Answers(access, answers_of(recording, [], []), told.append)
+        answers.begin(recording, recording.start, None)
+        wait_until(lambda: answers.look(take_census(["shm"])) and told, 6 * SOON)
+        answers.look(take_census(["shm"]))
+    assert told == ["absent/Everything is not served: lost calls it, and no query of it was recorded"]
 
 
 def test_a_replay_answers_queries_and_no_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
