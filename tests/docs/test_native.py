@@ -21,7 +21,7 @@ import zenoh
 import zmq
 
 from robocomp_py.contract.interface import Pattern
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Transport, TransportConfig, find_transport

@@ -40,7 +40,7 @@ from robocomp_py.errors import (
     TransportError,
     Unreachable,
 )
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import (
     TransportConformance,

@@ -19,7 +19,7 @@ from cyclonedds.topic import Topic
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.contract.qos import History, Liveliness, QoS, Reliability
 from robocomp_py.errors import ConfigurationError
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import topic
 from robocomp_py.testing.patience import SOON, wait_until

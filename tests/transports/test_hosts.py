@@ -12,7 +12,7 @@ import pytest
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import ConfigurationError, Timeout, TransportError
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, hosting

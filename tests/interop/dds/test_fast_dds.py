@@ -16,7 +16,7 @@ import pytest
 from robocomp_py.codegen.native import native
 from robocomp_py.contract.interface import Operation, Pattern
 from robocomp_py.contract.qos import QoS, Reliability
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, TransportConfig
 from robocomp_py.transports.dds.transport import DDSTransport

@@ -18,7 +18,7 @@ import pytest
 
 from robocomp_py.contract.interface import Operation, Pattern
 from robocomp_py.contract.qos import QoS, Reliability
-from robocomp_py.runtime.ports import type_of
+from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Transport
 from tests.codegen.generated import linked
