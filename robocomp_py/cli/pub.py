@@ -73,7 +73,9 @@ def run(options: argparse.Namespace) -> int:
                 raise ValueError(f"nothing subscribes to {channel.name}")
             return network, channel
 
-        return _publish(*awaited(options, pick, hosts), options)
+        network, channel = awaited(options, pick, hosts)
+        hosts.check_publishing(channel)
+        return _publish(network, channel, options)
     return code()
 
 

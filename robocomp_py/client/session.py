@@ -93,6 +93,10 @@ class Session:
             self._known = known
         return known
 
+    def check_publishing(self, channel: Channel) -> None:
+        """See `Hosts.check_publishing`."""
+        self._hosts.check_publishing(channel)
+
     @property
     def lost(self) -> Mapping[str, str]:
         """The hosts that the last census could not ask, and why."""

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from ..closing import Closing
-from ..errors import ConfigurationError, DeploymentError, TransportError
+from ..errors import ConfigurationError, DeploymentError, Refused, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of
 from ..transports.permissions import OPERATOR
 from ..transports.runtime_folder import runtime_dir
 from .census import Seen, check_names, take_census, take_each
-from .network import Network
+from .network import Channel, Network
 
 if TYPE_CHECKING:
     from .posts import Line, Post
@@ -57,6 +57,8 @@ class Hosts(Closing):
         """By the names of a network and a host."""
         self._host_of: Mapping[str, str] = {}
         self._options: Options = {}
+        self._visited: Options = {}
+        """Of the middlewares in which tools take part as an operator."""
         self.posts: Sequence[Post] = ()
         self.lost: Mapping[str, str] = {}
         """The hosts that the last look could not ask, and why."""
@@ -69,7 +71,8 @@ class Hosts(Closing):
             hosts = {host["name"]: network for network, plan in plans.items() for host in plan.get("hosts", ())}
             self._check(hosts)
             opened = _opened(plans)
-            self._options = {**opened.get("", {}), **self._operator(plans)}
+            self._visited = self._operator(plans)
+            self._options = {**opened.get("", {}), **self._visited}
             wanted = [name for name in hosts if self._others is None or name in self._others]
             self.posts = [self._post(hosts[name], name, opened.get(name, {})) for name in wanted]
             self._host_of = _host_of(plans)
@@ -80,6 +83,14 @@ class Hosts(Closing):
         """Those of the network that is named, and what the names of their channels begin with; none if it does not
         run."""
         return self._host_of.keys()
+
+    def check_publishing(self, channel: Channel) -> None:
+        """Raise Refused if messages could only be sent with the keys of an operator, which publish nothing."""
+        ways = channel.ways
+        if ways and all(way.via is None and way.middleware in self._visited for way in ways):
+            raise Refused(
+                f"{channel.name}: the keys of an operator publish nothing; let a component of the network publish it"
+            )
 
     def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
         """As `take_census`. What cannot be asked on another host is told, once."""

@@ -297,6 +297,9 @@ def test_an_operator_hears_all_and_calls_only_introspection_and_what_is_allowed(
     assert refused.code == 1
     assert "keys of this process do not allow it" in refused.text
     assert "for a tool list the operation there as in `allow echo/Echo/twice;`" in refused.text
+    unpublished = site.rc("pub", "second/Tick", "number=1", *here)
+    assert unpublished.code == 1
+    assert "second/Tick/tick: the keys of an operator publish nothing" in unpublished.text
     run.signal(signal.SIGINT)
     run.wait()
     gone(site, "base")
