@@ -79,7 +79,6 @@ def _serve(options: argparse.Namespace) -> int:
     from ..client.goals import Action
     from ..client.session import Session
     from ..deploy.client import network_of, not_running, running_plan
-    from ..spelling import and_then
     from ..tools.access import Access
     from ..tools.asking import DEADLINE
     from ..tools.mcp.bounds import Bounds
@@ -92,7 +91,7 @@ def _serve(options: argparse.Namespace) -> int:
     plan = running_plan(network)
     if plan is None:
         file = shlex.quote(options.network) if os.path.isfile(options.network) else "FILE.ddsl"
-        raise Absent(and_then(not_running(network), f"start it: rcdeploy up {file}{_elsewhere()}"))
+        raise Absent(not_running(network, f"start it: rcdeploy up {file}{_elsewhere()}"))
     permissions = permissions_of(plan)
     logs, write = _log(network)
     try:

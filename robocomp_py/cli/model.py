@@ -17,7 +17,6 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
     """
     from ..deploy.client import network_of, not_running, running_plan
     from ..errors import ConfigurationError
-    from ..spelling import and_then
 
     name = network_of(text)
     plan = running_plan(name)
@@ -25,7 +24,7 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
         return plan
     path = network(text)
     if path.suffix != ".ddsl":
-        raise ConfigurationError(and_then(not_running(name), "give it a DDSL file"))
+        raise ConfigurationError(not_running(name, "give it a DDSL file"))
     return _planned(path, include)
 
 

@@ -127,7 +127,6 @@ def network_named(text: str) -> str:
     """
     from ..deploy.client import network_of, networks, not_running, running_plan
     from ..errors import ConfigurationError
-    from ..spelling import and_then
 
     if Path(text).suffix not in ("", ".ddsl"):
         raise ConfigurationError(f"{text}: give it the file of a scene (.xml), or a network")
@@ -135,8 +134,7 @@ def network_named(text: str) -> str:
     if text:
         name = network_of(text)
         if running_plan(name) is None:
-            advice = "start it with rcdeploy, or give the file of a scene (.xml)"
-            raise ConfigurationError(and_then(not_running(name), advice))
+            raise ConfigurationError(not_running(name, "start it with rcdeploy, or give the file of a scene (.xml)"))
         return name
     if len(running) > 1:
         raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")

@@ -84,14 +84,15 @@ def networks() -> list[str]:
     return [each.name for each in sorted(folder.glob("*")) if each.is_dir() and Place(each.name).runner()]
 
 
-def not_running(network: str) -> str:
-    """The message for a network that does not run here, and the one that was meant, or those that do."""
-    from ..spelling import closest  # most commands do without
+def not_running(network: str, advice: str = "") -> str:
+    """The message for a network that does not run here, with advice, and the one that was meant, or those that do."""
+    from ..spelling import and_then, closest  # most commands do without
 
     running = networks()
     near = closest(network, running)
-    hint = f"; did you mean `{near}`?" if near else f"; running: {', '.join(running)}" if running else ""
-    return f"network `{network}` is not running on this machine{hint}"
+    told = f"network `{network}` is not running on this machine" + (f"; did you mean `{near}`?" if near else "")
+    told = and_then(told, advice) if advice else told
+    return f"{told}; running: {', '.join(running)}" if running and not near else told
 
 
 def running_plan(network: str) -> dict[str, Any] | None:

@@ -95,12 +95,13 @@ def along_normal(normal: Sequence[float]) -> Array:
     if length == 0.0:
         return np.eye(3)
     unit = np.array(normal, dtype=float) / length
-    cosine = -unit[2]  # of the angle between -z and the normal
-    if 1.0 + cosine < 1e-12:
+    beside = unit[0] * unit[0] + unit[1] * unit[1]
+    short = beside / (1.0 + unit[2]) if unit[2] > 0.0 else 1.0 - unit[2]  # 1 - z, which loses digits near z = 1
+    if short < 1e-12:
         return rotation(0.0, math.pi, 0.0)
     axis = np.cross((0.0, 0.0, -1.0), unit)
     cross = np.array(((0.0, -axis[2], axis[1]), (axis[2], 0.0, -axis[0]), (-axis[1], axis[0], 0.0)))
-    made: Array = np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    made: Array = np.eye(3) + cross + cross @ cross / short
     return made
 
 

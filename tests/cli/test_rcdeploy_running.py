@@ -338,7 +338,8 @@ def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_pa
         more = ["quiet"] if arguments[0] in ("restart", "stop", "start") else []
         assert rcdeploy([*arguments, str(path), *more]) == 1
         said = capsys.readouterr().err
-        assert said == f"rcdeploy: network `nobody` is not running on this machine; start it: rcdeploy {path}\n"
+        assert said.startswith("rcdeploy: network `nobody` is not running on this machine; ")
+        assert said.endswith(f"; start it: rcdeploy {path}\n")  # other networks may be named between
 
 
 @pytest.mark.parametrize(

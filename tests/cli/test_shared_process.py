@@ -162,7 +162,7 @@ def test_a_stuck_one_is_named_and_the_second_interrupt_ends_all(folder: Path) ->
             "did you mean `greeting`?\nb: --set x=1",
         ),
         (["+", "asking"], 1, "asking is not a generated component"),
-        (["--after", "b"], 2, "no option --after; see: hello --help"),
+        (["--after", "b"], 2, "no option --after; see: rc run hello --help"),
     ],
 )
 def test_components_that_cannot_share_a_process_are_reported_before_the_start(

@@ -165,6 +165,12 @@ def test_the_depth_of_a_plane_is_along_its_normal(normal: tuple[float, float, fl
     assert close(turn @ (0, 0, -1), wanted, 1e-5) or close(turn @ (0, 0, -1), unit, 1e-5)
 
 
+@pytest.mark.parametrize("beside", [1e-3, 1e-5, 1e-6])
+def test_a_plane_that_almost_lies_on_its_back_is_turned_without_being_distorted(beside: float) -> None:
+    turn = axes.along_normal((beside, beside, 1.0))
+    assert close(turn @ turn.T, np.eye(3), 1e-9)
+
+
 def test_the_axes_of_the_simulator_are_right_handed() -> None:
     ahead, right, up = axes.position_to_simulation(np.array(((0, 0, 1000), (1000, 0, 0), (0, 1000, 0)), dtype=float))
     assert close(ahead, (1, 0, 0))

@@ -24,7 +24,8 @@ CALL, NEWS_HEARD = DRIFT.uses
 
 def counted(verb: str, channel: str, count: int, took: float = 0.004, **more: Any) -> Measure:
     latest = np.full(min(count, 256), took, np.float32)
-    return Measure(verb=verb, channel=channel, middleware="near", operation="x", count=count, latest=latest, **more)
+    where = {"verb": verb, "channel": channel, "middleware": "near", "operation": "x"}
+    return Measure(**where, count=count, timed=count, latest=latest, **more)
 
 
 def told(name: str, *now: Measure, before: tuple[Measure, ...] = (), ends: tuple[ToldEnd, ...] = ()) -> Told:
