@@ -159,6 +159,8 @@ def test_simulation_is_measured(tmp_path: Path) -> None:
         "tick, 20 boxes at rest",
         "laser, 360 rays",
         "laser, 1080 rays",
+        "add a node, 341 shapes",
+        "remove a node, 341 shapes",
     ]
     assert all(row["ours"] > 0 for row in rows.values())
 
