@@ -47,7 +47,7 @@ def absent(middleware: str) -> str:
     if not lacking:
         return ""
     try:
-        find_transport(name)  # which knows more of the remedy, maybe
+        find_transport(name)  # its error may name a better remedy
     except ConfigurationError as exc:
         return str(exc) if "pip install" in str(exc) else f"{exc}; pip install {' '.join(lacking)}"
     return ""

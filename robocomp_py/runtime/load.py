@@ -58,11 +58,9 @@ def load_worker(folder: Path, *, afresh: bool = False, alone: bool = False) -> t
 def _dotted(exc: Exception) -> str:
     """Advice for an import of what stands in the folder of the component, which needs a dot; "" for other errors."""
     name = exc.name if isinstance(exc, ModuleNotFoundError) and exc.name else ""
-    return (
-        f"\nwrite `from .{name} import …`, with a dot: a component is a package"
-        if name.split(".")[0] == "generic"
-        else ""
-    )
+    if name.split(".")[0] != "generic":
+        return ""
+    return f"\nwrite `from .{name} import …`, with a dot: a component is a package"
 
 
 def _missing(folder: Path) -> str:

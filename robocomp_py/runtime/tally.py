@@ -1,7 +1,8 @@
-"""Counts what goes through the ports of a component: always, since it costs an increment, and at times two clock reads.
+"""Counts the calls and messages of a component. Each costs an increment, and at times two readings of the clock.
 
 A tally belongs to one operation over one middleware, at one end. Its numbers only grow; for rates, a tool takes
-differences. They are exact, also if several threads call at once: the interpreter does not switch threads within `+=`.
+differences. They are exact, also if several threads call at once: the interpreter does not switch threads within an
+increment.
 
 Calls are timed, too. Of an operation with more than 10,000 calls a second, only every 64th is: that is enough for a
 percentile, and timing each would make a call within one process a tenth longer. The choice does not depend on how long

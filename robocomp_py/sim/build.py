@@ -128,7 +128,7 @@ class Scene:
     made_by: Building = field(repr=False)
     """From what `rebuilt` goes on."""
     changed: Set[str] | None = None
-    """The nodes that the scene before it had not, or had otherwise or elsewhere; None: `build` made it."""
+    """The nodes that were added, changed or moved since the scene before this one; None if `build` made it."""
 
     @property
     def movable(self) -> list[str]:

@@ -72,7 +72,7 @@ class State:
         A base stops `hold` seconds after it was last told a speed; 0: never. About `parameters` see
         `sim.parameters`. With `compat="robocomp"`, the acceleration of inertial units has the sign that it has in
         RoboComp: -9.81 upwards at rest. Raises InnerModelError for a mesh or a sensor that cannot be used, and for
-        wrong parameters, and TypeError for what is no tree.
+        wrong parameters, and TypeError if `tree` is not a Tree.
         """
         check_tree(tree)
         if not tick > 0.0 or not hold >= 0.0:
@@ -331,9 +331,11 @@ class State:
 
 
 def check_tree(given: object) -> None:
-    """Raise TypeError for what is no tree, such as the name of a file."""
+    """Raise TypeError for anything else, such as the name of a file."""
     if not isinstance(given, Tree):
-        raise TypeError(f"{given!r} is no Tree: `Tree.read` of robocomp_py.innermodel.tree reads the file of a scene")
+        raise TypeError(
+            f"{given!r} is not a Tree; `Tree.read`, of robocomp_py.innermodel.tree, reads a scene from a file"
+        )
 
 
 def existing(kind: str, name: str, among: Mapping[str, T]) -> T:

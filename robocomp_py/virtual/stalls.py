@@ -20,7 +20,7 @@ _AGAIN = 0.005
 """Seconds until the next look at one that sleeps."""
 
 _STAND = re.compile(rb"^State:\s*[SD] .*^(voluntary_ctxt_switches:.*)", re.MULTILINE | re.DOTALL)
-"""Of a thread that sleeps: how often it has stopped to run."""
+"""Matches only a thread that sleeps, and takes the number of times that it gave up the processor."""
 
 _PACKAGE = Path(__file__).parent.parent
 

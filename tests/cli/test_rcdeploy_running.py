@@ -333,12 +333,12 @@ def test_errors_of_a_network_are_reported_at_the_terminal(tmp_path: Path) -> Non
 
 
 def test_what_does_not_run_cannot_be_asked_and_it_is_said_how_to_start_it(tmp_path: Path, capsys: Said) -> None:
-    path = network_of(tmp_path, "nobody", quiet="exec sleep 600")
+    path = network_of(tmp_path, "idle", quiet="exec sleep 600")
     for arguments in (["status"], ["logs"], ["down"], ["restart"], ["stop"], ["start"]):
         more = ["quiet"] if arguments[0] in ("restart", "stop", "start") else []
         assert rcdeploy([*arguments, str(path), *more]) == 1
         said = capsys.readouterr().err
-        assert said.startswith("rcdeploy: network `nobody` is not running on this machine; ")
+        assert said.startswith("rcdeploy: network `idle` is not running on this machine; ")
         assert said.endswith(f"; start it: rcdeploy {path}\n")  # other networks may be named between
 
 

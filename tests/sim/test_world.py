@@ -53,9 +53,9 @@ def room(tmp_path: Path) -> World:
 
 
 def test_the_name_of_a_file_is_no_scene(room: World) -> None:
-    with pytest.raises(TypeError, match=r"'room.xml' is no Tree: `Tree.read`"):
+    with pytest.raises(TypeError, match=r"'room.xml' is not a Tree; `Tree.read`"):
         World("room.xml")  # type: ignore[arg-type]  # that is what is wrong
-    with pytest.raises(TypeError, match=r"'room.xml' is no Tree"):
+    with pytest.raises(TypeError, match=r"'room.xml' is not a Tree"):
         room.change("room.xml")  # type: ignore[arg-type]  # the same
     assert room.scan("laser").shape == (8,)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,7 @@ import pytest
 from robocomp_py.errors import Timeout, Unreachable
 from robocomp_py.testing.conformance import A_MOMENT, answering, blob, query, unblob
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Caller, TransportConfig
+from robocomp_py.transports.base import TransportConfig
 from robocomp_py.transports.zenoh import unsafe
 from robocomp_py.transports.zenoh.session import open_router
 from robocomp_py.transports.zenoh.transport import ZenohTransport
@@ -86,40 +86,47 @@ def router(tmp_path: Path) -> Iterator[Path]:
     session.close()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
 
 
-def test_a_client_to_which_its_router_no_longer_sends_connects_again(
-    router: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    relay = Relay(tmp_path / "relay.sock", router)
+@pytest.fixture
+def relay(router: Path, tmp_path: Path) -> Iterator[Relay]:
+    with contextlib.closing(Relay(tmp_path / "relay.sock", router)) as relay:
+        yield relay
+
+
+@pytest.fixture
+def is_answered(router: Path, relay: Relay) -> Iterator[Callable[[], bool]]:
+    """Whether a server behind the relay answers a client of the router."""
     with (
-        contextlib.closing(relay),
         contextlib.closing(ZenohTransport(_at(router, "caller"))) as here,
         contextlib.closing(ZenohTransport(_at(relay.path, "server"))) as there,
     ):
         there.server(query("a/b/c"), answering(there, lambda data: data))
         caller = here.caller(query("a/b/c"))
         assert caller.wait_peer(SOON)
-        relay.silent = True
-        relay.cut()
-        wait_until(lambda: "does not answer; connecting again" in caplog.text)
-        relay.silent = False
-        wait_until(lambda: _answered(here, caller))
+
+        def ask() -> bool:
+            with contextlib.suppress(Timeout, Unreachable):  # the old connection may still count
+                return unblob(here, caller.ask(blob(here, b"hello"), A_MOMENT).payload) == b"hello"
+            return False
+
+        yield ask
+
+
+def test_a_client_to_which_its_router_no_longer_sends_connects_again(
+    relay: Relay, is_answered: Callable[[], bool], caplog: pytest.LogCaptureFixture
+) -> None:
+    relay.silent = True
+    relay.cut()
+    wait_until(lambda: "does not answer; connecting again" in caplog.text)
+    relay.silent = False
+    wait_until(is_answered)
 
 
 def test_a_client_that_its_router_answers_stays_connected(
-    router: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    relay: Relay, is_answered: Callable[[], bool], caplog: pytest.LogCaptureFixture
 ) -> None:
-    relay = Relay(tmp_path / "relay.sock", router)
-    with (
-        contextlib.closing(relay),
-        contextlib.closing(ZenohTransport(_at(router, "caller"))) as here,
-        contextlib.closing(ZenohTransport(_at(relay.path, "server"))) as there,
-    ):
-        there.server(query("a/b/c"), answering(there, lambda data: data))
-        caller = here.caller(query("a/b/c"))
-        assert caller.wait_peer(SOON)
-        relay.cut()
-        wait_until(lambda: relay.connections > 1)
-        wait_until(lambda: _answered(here, caller))
+    relay.cut()
+    wait_until(lambda: relay.connections > 1)
+    wait_until(is_answered)
     assert "does not answer" not in caplog.text
 
 
@@ -148,12 +155,6 @@ def test_only_connections_to_the_given_address_are_shut_down(family: socket.Addr
 def test_without_a_list_of_descriptors_nothing_is_shut_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unsafe, "_DESCRIPTORS", tmp_path / "missing")
     assert unsafe.shut_down(["unixsock-stream/nowhere"]) == 0
-
-
-def _answered(here: ZenohTransport, caller: Caller) -> bool:
-    with contextlib.suppress(Timeout, Unreachable):  # the old connection may still count
-        return unblob(here, caller.ask(blob(here, b"hello"), A_MOMENT).payload) == b"hello"
-    return False
 
 
 def _at(socket_path: Path, owner: str) -> TransportConfig:

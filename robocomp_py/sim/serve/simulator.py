@@ -70,7 +70,7 @@ class Simulator(Controlled, Managed):
     """
 
     remote: Remote | None = None
-    """The process that draws, with `render = "process"`; whoever sets it closes it. None: the component has its own."""
+    """The process that draws, with `render = "process"`, which its owner closes. None: the component has its own."""
     _studio: Studio | None = None
 
     def initialize(self) -> None:

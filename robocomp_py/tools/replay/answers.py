@@ -1,7 +1,7 @@
 """Answers the queries of a recording: each with the newest response that was recorded until then.
 
 A client waits until all operations of an interface are there. So those that were not recorded are there, too: queries
-fail, and commands are discarded. An interface of which no query was recorded is not there, and that is told.
+fail, and commands are discarded. An interface without recorded queries is not served, and a message says so.
 """
 
 from __future__ import annotations

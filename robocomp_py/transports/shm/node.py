@@ -273,9 +273,7 @@ class _Lock:
     def share(self) -> None:
         """Let other nodes take it, too. Raises TransportError."""
         end = time.monotonic() + _PATIENCE
-        while not self._try(
-            fcntl.LOCK_SH
-        ):  # another node has taken it while the kernel changed it from one to the other
+        while not self._try(fcntl.LOCK_SH):  # the kernel gives it up first, so another node may take it alone
             self._pause(end)
 
     def is_last(self) -> bool:

@@ -22,7 +22,7 @@ ANSWER = 2.0
 """Seconds that a router has for its answer."""
 
 _QUESTION = "rc_hearing"
-"""A key that no token has: the router answers at once that there is none."""
+"""No token has this key, so a router needs no other process for its answer."""
 
 
 class Hearing:

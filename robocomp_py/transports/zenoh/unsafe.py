@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import stat
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
@@ -31,8 +32,11 @@ def _sockets() -> Iterator[socket.socket]:
     """Duplicates of all sockets of this process; the caller closes them."""
     for name in os.listdir(_DESCRIPTORS) if _DESCRIPTORS.is_dir() else ():
         with contextlib.suppress(OSError):  # closed meanwhile
-            if os.readlink(_DESCRIPTORS / name).startswith("socket:"):
-                yield socket.socket(fileno=os.dup(int(name)))
+            duplicate = os.dup(int(name))
+            if stat.S_ISSOCK(os.fstat(duplicate).st_mode):
+                yield socket.socket(fileno=duplicate)
+            else:
+                os.close(duplicate)
 
 
 def _address(connected: socket.socket) -> str:
