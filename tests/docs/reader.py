@@ -66,8 +66,13 @@ def run(step: Command, folder: Path, **variables: str) -> tuple[str, int]:
             wait_until(lambda: step.pattern.match("".join(said)), SOON * 3, f"{step.text}: {step.output}")
             process.send_signal(signal.SIGINT)
         process.wait(SOON * 6)
+    except subprocess.TimeoutExpired as exc:
+        raise AssertionError(
+            f"$ {step.text}\nhas not ended after {exc.timeout:g} s; printed so far: {''.join(said)}"
+        ) from exc
     finally:
         process.kill()
+        process.wait()
         reader.join()
         process.stdout.close()
     return "".join(said), process.returncode
