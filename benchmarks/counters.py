@@ -53,7 +53,7 @@ class Uncounted:
         finally:
             if suspended:
                 self._monitor.resume(suspended)
-        return self._call.result(reply)
+        return self._call.value(reply.payload) if reply.status is ports._OK else self._call.result(reply)
 
 
 class UncountedHandler(ports.BoundHandler):

@@ -66,11 +66,13 @@ class Call(Generic[R]):
 
     def result(self, reply: Reply) -> R:
         """The return value of the operation, as Python code expects it. Raises the exception that the reply holds."""
-        if reply.status is _OK:
-            values = self._decode(reply.payload)
-            value: Any = values if self._outputs > 1 else values[0] if self._outputs else None
-            return value  # type: ignore[no-any-return]  # the wire's value is checked against the contract, not by mypy
-        return self._raise(reply)
+        return self.value(reply.payload) if reply.status is _OK else self._raise(reply)
+
+    def value(self, payload: Payload) -> R:
+        """The return value in the payload of a reply that is OK."""
+        values = self._decode(payload)
+        value: Any = values if self._outputs > 1 else values[0] if self._outputs else None
+        return value  # type: ignore[no-any-return]  # the wire's value is checked against the contract, not by mypy
 
     def _raise(self, reply: Reply) -> NoReturn:
         name = self.operation.called

@@ -37,7 +37,7 @@ from .loans import Loans, Memory, Shape
 from .monitor import Monitor
 from .retries import Retrying
 from .route import Route, Router
-from .tally import Finish, Tally
+from .tally import Tally, Timing
 from .watching import Watched
 
 log = logging.getLogger("robocomp.worker")
@@ -313,51 +313,54 @@ class BoundQuery:
         payload = self._call.encode(arguments)
         tally = self._tally
         tally.count = count = tally.count + 1
-        timed = not count & tally.skips
-        finish = tally.start(arguments) if timed else None
+        timing = None if count < tally.due else tally.start(arguments)
         suspended = self._monitor.suspend()
-        begun = _now() if timed else 0.0
         try:
             reply = self._caller.ask(payload, limit)
-            if timed:
-                tally.time(begun, _now() - begun)
+            if timing:
+                timing.end(reply)
         except BaseException as exc:
             tally.failed += 1
-            if finish:
-                finish(exc)
+            if timing:
+                timing.tell(exc)
             raise
         finally:
             if suspended:
                 self._monitor.resume(suspended)
-        if reply.status is not _OK and reply.status is not _THROWN:
+        if reply.status is _OK:
+            return self._call.value(reply.payload)
+        if reply.status is not _THROWN:
             tally.failed += 1
-        if finish:
-            finish(reply)
         return self._call.result(reply)
 
     def ask_async(self, arguments: tuple[Any, ...], deadline: float | None) -> Future[Any]:
         limit = self._deadline if deadline is None else _positive(deadline)
         answer = Answer(self._monitor, self._call)
         payload, tally = self._call.encode(arguments), self._tally
-        finish = tally.start(arguments)
+        timing = tally.watch(arguments)
         source = self._caller.call(payload, limit)
-        source.add_done_callback(partial(self._answered, _now(), finish))
+        source.add_done_callback(partial(self._answered, timing))
         answer.follow(source)
         return answer
 
-    def _answered(self, begun: float, finish: Finish | None, source: Future[Reply]) -> None:
+    def _answered(self, timing: Timing, source: Future[Reply]) -> None:
         if source.cancelled():
-            if finish:
-                finish(CancelledError("the caller cancelled it"))
+            timing.tell(CancelledError("the caller cancelled it"))
             return
         tally = self._tally
         tally.count = count = tally.count + 1
-        if source.exception() is None and not count & tally.skips:
-            tally.time(begun, _now() - begun)
-        if source.exception() or source.result().status not in (_OK, _THROWN):
+        if exc := source.exception():
             tally.failed += 1
-        if finish:
-            finish(source.exception() or source.result())
+            timing.tell(exc)
+            return
+        reply = source.result()
+        if reply.status not in (_OK, _THROWN):
+            tally.failed += 1
+        if count < tally.due:
+            timing.tell(reply)
+        else:
+            tally.take_turn()
+            timing.end(reply)
 
 
 class BoundSend:
@@ -381,9 +384,7 @@ class BoundSend:
         limit = self._deadline if deadline is None else _positive(deadline)
         tally = self._tally
         tally.count = count = tally.count + 1
-        timed = not count & tally.skips
-        finish = tally.start(arguments) if timed else None
-        begun = _now() if timed else 0.0
+        timing = None if count < tally.due else tally.start(arguments)
         try:
             if memory and self.lent(memory):
                 memory.send(arguments, limit)
@@ -391,13 +392,11 @@ class BoundSend:
                 self._outlet.send(self._encode(arguments), limit)
         except BaseException as exc:
             tally.failed += 1
-            if finish:
-                finish(exc)
+            if timing:
+                timing.tell(exc)
             raise
-        if timed:
-            tally.time(begun, _now() - begun)
-        if finish:
-            finish(_TAKEN)
+        if timing:
+            timing.end(_TAKEN)
 
     def lent(self, memory: Memory | None) -> bool:
         return memory is not None and memory.loans is self.loans
@@ -493,38 +492,42 @@ class BoundHandler:
             return self._answering.answer(arguments)
         tally = self._tally
         tally.count = count = tally.count + 1
-        timed = not count & tally.skips
-        finish = tally.start(arguments) if timed else None
-        arrived = _now() if timed else 0.0
-        if not self._concurrent and self._monitor.try_enter():
-            try:
-                if self._takes > _LONG:
-                    about_to_block()
-                reply = self._answering.answer(arguments)
-                if timed:
-                    self._time(arrived, 0.0)
-                if reply.status is not _OK and reply.status is not _THROWN:
-                    tally.failed += 1
-                if finish:
-                    finish(reply)
-                return reply
-            finally:
-                self._monitor.leave()
+        timing = None if count < tally.due else tally.start(arguments)
+        if self._concurrent or not self._monitor.try_enter():
+            return self._serve_later(arguments, expires, timing)
+        try:
+            if timing and self._takes > _LONG:
+                about_to_block()
+            reply = self._answering.answer(arguments)
+            if timing:
+                self._end(timing, reply)
+            if reply.status is not _OK and reply.status is not _THROWN:
+                tally.failed += 1
+            return reply
+        finally:
+            self._monitor.leave()
+
+    def _serve_later(self, arguments: tuple[Any, ...], expires: float, timing: Timing | None) -> Reply | Future[Reply]:
+        """Serve on a thread of the monitor. A method of its own: a function within `serve` would cost each call."""
         answer: Future[Reply] = Future()
 
         def job() -> Reply:
-            begun = _now()
-            reply = Reply(Status.EXPIRED) if begun >= expires else self._answering.answer(arguments)
-            if timed:
-                self._time(begun, begun - arrived)
-            self._judge(reply, finish)
+            if timing:
+                timing.run()
+            is_late = _now() >= expires
+            reply = Reply(Status.EXPIRED) if is_late else self._answering.answer(arguments)
+            if timing:
+                self._end(timing, reply)
+            self._judge(reply)
             return reply
 
         submit = self._monitor.submit_concurrent if self._concurrent else self._monitor.submit
         if submit(job, then=answer.set_result, refused=partial(answer.set_result, Reply(Status.REFUSED))):
             return answer
         refused = Reply(Status.REFUSED if self._monitor.closed else Status.BUSY)
-        self._judge(refused, finish)
+        self._judge(refused)
+        if timing:
+            timing.tell(refused)
         return refused
 
     def receive(self, payload: Payload) -> None:
@@ -533,60 +536,54 @@ class BoundHandler:
         except DecodeError as exc:
             self._count_malformed(exc)
             return
-        finish = self._tally.start(arguments) if self._tally.begin else None
+        tally = self._tally
+        tally.count = count = tally.count + 1
+        timing = None if count < tally.due else tally.start(arguments)
         if self._concurrent:
-            self._take_now(arguments, 0.0, finish)
+            self._take_now(arguments, timing)
             return
         turn = self._turn
         if turn is None:
-            self._take(arguments, finish)
+            self._take(arguments, timing)
             return
         if not turn.acquire(blocking=False):
             about_to_block()
             turn.acquire()
         try:
-            self._take(arguments, finish)
+            self._take(arguments, timing)
         finally:
             turn.release()
 
-    def _take(self, arguments: tuple[Any, ...], finish: Finish | None) -> None:
-        waited = 0.0
+    def _take(self, arguments: tuple[Any, ...], timing: Timing | None) -> None:
         if not self._monitor.try_enter():
-            arrived = _now()
             try:
                 self._monitor.enter()
             except Closed:
                 return  # the component is stopping
-            waited = _now() - arrived
+            if timing:
+                timing.run()
         try:
-            self._take_now(arguments, waited, finish)
+            self._take_now(arguments, timing)
         finally:
             self._monitor.leave()
 
-    def _take_now(self, arguments: tuple[Any, ...], waited: float, finish: Finish | None) -> None:
-        if self._takes > _LONG:
+    def _take_now(self, arguments: tuple[Any, ...], timing: Timing | None) -> None:
+        if timing and self._takes > _LONG:
             about_to_block()
-        tally = self._tally
-        tally.count = count = tally.count + 1
-        timed = not count & tally.skips
-        begun = _now() if timed else 0.0
-        if not (is_fine := self._answering.take(arguments)):
-            tally.failed += 1
-        if timed:
-            self._time(begun, waited)
-        if finish:
-            finish(_TAKEN if is_fine else _FAILED)
+        is_fine = self._answering.take(arguments)
+        if not is_fine:
+            self._tally.failed += 1
+        if timing:
+            self._end(timing, _TAKEN if is_fine else _FAILED)
 
-    def _time(self, begun: float, waited: float) -> None:
-        took = _now() - begun
-        self._takes = max(took, _FADES * self._takes)
-        self._tally.time(begun, took, waited)
+    def _end(self, timing: Timing, outcome: Reply) -> None:
+        self._takes = max(timing.end(outcome), _FADES * self._takes)
+        if self._takes > _LONG:
+            self._tally.time_each()  # whether a call is long is asked only of timed ones
 
-    def _judge(self, reply: Reply, finish: Finish | None) -> None:
+    def _judge(self, reply: Reply) -> None:
         if reply.status not in (_OK, _THROWN):
             self._tally.failed += 1
-        if finish:
-            finish(reply)
 
     def _count_malformed(self, why: DecodeError) -> None:
         if self._stats.malformed == 0:

@@ -1,11 +1,12 @@
 """Counts the calls and messages of a component. Each costs an increment, and at times two readings of the clock.
 
 A tally belongs to one operation over one middleware, at one end. Its numbers only grow; for rates, a tool takes
-differences. They are exact, also if several threads call at once: the interpreter does not switch threads within an
-increment.
+differences. They are exact, also if several threads call at once: CPython 3.11 to 3.13 switch threads where a function
+is called or begins and where a loop repeats, so never within `tally.count = count = tally.count + 1`. A lock would cost
+more than all the rest. The free-threaded builds of CPython would need one.
 
 Calls are timed, too. Of an operation with more than 10,000 calls a second, only every 64th is: that is enough for a
-percentile, and timing each would make a call within one process a tenth longer. The choice does not depend on how long
+percentile, and timing each would make a call within one process a third longer. The choice does not depend on how long
 a call takes.
 
 When a component ends, and $ROBOCOMP_TALLY names a folder, it writes `<namespace>.<instance>.json` there: a list of
@@ -18,6 +19,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -37,12 +39,14 @@ MOST_KEPT = 256
 """Number of durations that a tally keeps."""
 
 _EACH = 64
-"""One of this number of calls is timed if they are frequent; a power of two."""
+"""One of this number of calls is timed if they are frequent."""
 
 _FREQUENT = 0.0001
 """Seconds from one call to the next, on average, below which they are."""
 
 log = logging.getLogger("robocomp.worker")
+
+_now = time.monotonic
 
 Finish = Callable[["Reply | BaseException"], object]
 """Takes the outcome of a call: its reply, or what it raised. For a command, a reply without a payload."""
@@ -51,14 +55,43 @@ Begin = Callable[["Tally", tuple[Any, ...]], Finish]
 """Takes a call that begins, with its arguments."""
 
 
+class Timing:
+    """A call that is timed, and told of while a tool watches."""
+
+    __slots__ = ("_begun", "_finish", "_tally", "_waited")
+
+    def __init__(self, tally: Tally, finish: Finish | None) -> None:
+        self._tally, self._finish = tally, finish
+        self._begun, self._waited = _now(), 0.0
+
+    def run(self) -> None:
+        """The handler runs only now: until now, the call waited."""
+        self._waited = _now() - self._begun
+
+    def end(self, outcome: Reply) -> float:
+        """The call has ended now. Returns the seconds that it took, without the wait."""
+        took = _now() - self._begun - self._waited
+        self._tally.time(self._begun, took, self._waited)
+        self.tell(outcome)
+        return took
+
+    def tell(self, outcome: Reply | BaseException) -> None:
+        """Tell of the outcome only, if a tool watches: the duration is not noted."""
+        if self._finish:
+            self._finish(outcome)
+
+
 class Tally:
     """What was counted of one operation over one middleware. Written where the message is sent or handled."""
 
     __slots__ = (
         "_decided",
         "_decided_at",
+        "_each",
+        "_handles",
         "begin",
         "count",
+        "due",
         "failed",
         "latest",
         "link",
@@ -66,7 +99,6 @@ class Tally:
         "pattern",
         "port",
         "route",
-        "skips",
         "taken",
         "timed",
         "waited",
@@ -86,35 +118,52 @@ class Tally:
         """Seconds that each of these waited until its handler ran; empty unless this is a handler."""
         self.timed = 0
         """How many calls were timed."""
-        self.skips = 0
-        """A call is neither timed nor told of if `count & skips`: the test that each call pays for."""
+        self.due = 0
+        """A call is neither timed nor told of if `count` is less: the test that each call pays for."""
         self.taken = 0, 0
         """`count` and `timed` when `Tallies.take` was called last."""
         self.begin: Begin | None = None
         """Called for each query and command while a tool watches them; else None."""
+        self._each = 0
+        """From one timed call to the next; 0 if each is timed."""
         self._decided, self._decided_at = 0, 0.0
-        """The count and the time at the last decision about `skips`."""
+        """The count and the time at the last decision about `_each`."""
+        self._handles = port.verb in (Verb.IMPLEMENTS, Verb.SUBSCRIBES)
 
     def tell(self, begin: Begin | None) -> None:
-        self.begin, self.skips = begin, 0
+        self.begin, self._each, self.due = begin, 0, 0
 
     def time_next(self) -> None:
         """Time the next call in any case: calls may have become rare."""
-        self.skips = 0
+        self.due = 0
 
-    def start(self, arguments: tuple[Any, ...]) -> Finish | None:
-        """A call begins that is not skipped."""
-        return self.begin(self, arguments) if self.begin else None
+    def time_each(self) -> None:
+        """Time every call, at least until the next decision."""
+        self._each = self.due = 0
 
-    def time(self, begun: float, took: float, waited: float | None = None) -> None:
-        """Note the seconds of a call that is not skipped; `begun` is when it began, `waited` is for a handler."""
+    def start(self, arguments: tuple[Any, ...]) -> Timing:
+        """Time this call, whose turn it is."""
+        self.take_turn()
+        return self.watch(arguments)
+
+    def take_turn(self) -> None:
+        """Let the calls after this one wait for their turn to be timed."""
+        self.due = self.count + self._each
+
+    def watch(self, arguments: tuple[Any, ...]) -> Timing:
+        """Begin to time a call, which may be told of without being timed."""
+        return Timing(self, self.begin(self, arguments) if self.begin else None)
+
+    def time(self, begun: float, took: float, waited: float) -> None:
+        """Note the seconds that a call took and, at a handler, waited before; `begun` is when it began."""
         self.timed += 1
         self.latest.append(took)
-        if waited is not None:
+        if self._handles:
             self.waited.append(waited)
         new = self.count - self._decided
         if new >= _EACH and not self.begin:
-            self.skips = _EACH - 1 if begun - self._decided_at < new * _FREQUENT else 0
+            # A pause makes frequent calls look rare once. `due` stays, so the next call in turn decides again.
+            self._each = _EACH if begun - self._decided_at < new * _FREQUENT else 0
             self._decided, self._decided_at = self.count, begun
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,7 @@ from robocomp_py.contract.qos import QoS
 from robocomp_py.runtime.monitor import Monitor
 from robocomp_py.runtime.ports import bind_handlers, close_all
 from robocomp_py.runtime.route import Route
+from robocomp_py.runtime.tally import Tally
 from robocomp_py.transports.base import Capability, Channel, Statistics, receives
 from robocomp_py.wire.messagepack import MessagePack
 
@@ -48,15 +50,10 @@ def steps() -> Iterator[list[str]]:
     receives(None)
 
 
-@pytest.mark.parametrize(
-    "port",
-    [
-        Port(Verb.IMPLEMENTS, WORKS),
-        Port(Verb.SUBSCRIBES, NEWS),
-        Port(Verb.SUBSCRIBES, NEWS, concurrent=True),
-    ],
-)
-def test_another_thread_receives_while_a_handler_runs_that_has_taken_long(port: Port, steps: list[str]) -> None:
+@contextmanager
+def bound(port: Port, steps: list[str]) -> Iterator[tuple[Callable[[float], object], Tally]]:
+    """Calls a handler that takes these seconds; and what is counted of it."""
+
     def handle(seconds: float) -> None:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
@@ -69,8 +66,30 @@ def test_another_thread_receives_while_a_handler_runs_that_has_taken_long(port: 
     links = bind_handlers(port, handlers, lambda *_: Route(transport, "", "a/b/c", QoS(), 5.0), monitor)
     monitor.open()
     encode = ends.codec.encoder((work if port.interface is WORKS else heard).request)
-    for seconds in (0.01, 0.0):
-        ends.called(encode((seconds,)))
-    close_all(links)
-    monitor.close()
+    try:
+        yield lambda seconds: ends.called(encode((seconds,))), monitor.tallies.every[0]
+    finally:
+        close_all(links)
+        monitor.close()
+
+
+PORTS = [Port(Verb.IMPLEMENTS, WORKS), Port(Verb.SUBSCRIBES, NEWS), Port(Verb.SUBSCRIBES, NEWS, concurrent=True)]
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_another_thread_receives_while_a_handler_runs_that_has_taken_long(port: Port, steps: list[str]) -> None:
+    with bound(port, steps) as (call, _):
+        call(0.01)
+        call(0.0)
+    assert steps[-2:] == ["another thread receives", "handled"]
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_that_also_holds_for_frequent_calls_of_which_few_are_timed(port: Port, steps: list[str]) -> None:
+    with bound(port, steps) as (call, tally):
+        for _ in range(200):
+            call(0.0)
+        tally.time_next()
+        call(0.01)
+        call(0.0)
     assert steps[-2:] == ["another thread receives", "handled"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,7 +76,7 @@ def test_counts_are_exact_also_if_several_threads_call_at_once() -> None:
 
 def test_failures_are_exact_also_of_calls_that_are_not_timed() -> None:
     with connected() as (proxy, asked, served):
-        asked.skips = served.skips = ~0  # as if they were frequent: none is timed
+        asked.due = served.due = sys.maxsize  # as if they were frequent: none is timed
         for number in (2, 3, 4, 5):
             if number % 2:
                 with pytest.raises(RemoteFailure):
@@ -96,8 +97,9 @@ def call(tally: Tally, times: int, every_s: float, begin_s: float = 0.0) -> int:
     before = tally.timed
     for number in range(times):
         tally.count += 1
-        if not tally.count & tally.skips:
-            tally.time(begin_s + number * every_s, 1e-6)
+        if tally.count >= tally.due:
+            tally.take_turn()
+            tally.time(begin_s + number * every_s, 1e-6, 0.0)
     return tally.timed - before
 
 
@@ -109,6 +111,12 @@ def test_of_frequent_calls_each_64th_is_timed() -> None:
     made = tally()
     call(made, 128, every_s=1e-5)
     assert call(made, 6400, every_s=1e-5, begin_s=128e-5) == 100
+
+
+def test_one_pause_does_not_make_frequent_calls_rare() -> None:
+    made = tally()
+    call(made, 1000, every_s=1e-5)
+    assert call(made, 640, every_s=1e-5, begin_s=1.0) <= 11
 
 
 def test_calls_that_have_become_rare_are_all_timed_again() -> None:
