@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,11 +44,16 @@ sys.exit(main())
 """
 
 
-def started(steps: str = "pass", before: str = "") -> subprocess.Popen[str]:
+@contextlib.contextmanager
+def started(steps: str = "pass", before: str = "") -> Iterator[subprocess.Popen[str]]:
     code = before + WORK.replace("STEPS", steps)
-    return subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", code], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
-    )
+    ) as waiting:
+        try:
+            yield waiting
+        finally:
+            waiting.kill()
 
 
 def alive(pid: int) -> bool:

@@ -518,16 +518,16 @@ def test_on_a_terminal_states_are_shown_live(folder: Path) -> None:
 
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(folder / "net.ddsl"), "--for", "0.2"]
-    process = subprocess.Popen(command, stdout=slave, stderr=slave, env=os.environ | {"TERM": "xterm-256color"})
-    os.close(slave)
     seen = b""
-    while True:
-        try:
-            seen += os.read(master, 65536)
-        except OSError:
-            break
-    os.close(master)
-    assert process.wait(SOON) == 0
+    with subprocess.Popen(command, stdout=slave, stderr=slave, env=os.environ | {"TERM": "xterm-256color"}) as process:
+        os.close(slave)
+        while True:
+            try:
+                seen += os.read(master, 65536)
+            except OSError:
+                break
+        os.close(master)
+    assert process.returncode == 0
     for word in (b"starting", b"ready", b"stopping", b"\x1b["):
         assert word in seen
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from robocomp_py.deploy.beside import beside
+from robocomp_py.testing.patience import SOON
 from robocomp_py.threads import start_thread
 
 
@@ -34,7 +35,7 @@ def test_work_goes_on_when_its_caller_is_cancelled() -> None:
 
     def work() -> None:
         begun.set()
-        may_end.wait(60)
+        may_end.wait(SOON * 6)
         ended.set()
 
     async def cancel() -> None:
@@ -47,4 +48,4 @@ def test_work_goes_on_when_its_caller_is_cancelled() -> None:
 
     asyncio.run(cancel())
     may_end.set()
-    assert ended.wait(60)
+    assert ended.wait(SOON * 6)

@@ -202,7 +202,7 @@ def test_the_steps_work_with_any_folder_of_a_host(tmp_path: Path, folder: Path, 
     write_export(export, tmp_path / "out")
     environment = {"PATH": f"{programs}:{os.environ['PATH']}", "REMOTE": str(home)}
     for step in export.steps:
-        subprocess.run(["sh", "-c", step], cwd=tmp_path / "out", env=environment, check=True, timeout=SOON)
+        subprocess.run(["sh", "-c", step], cwd=tmp_path / "out", env=environment, check=True, timeout=SOON * 6)
     assert [each.name for each in (tmp_path / "there").iterdir()] == [name]
     assert (tmp_path / "there" / name / "app" / "laser").is_dir()
     units = {each.name for each in (home / ".config" / "systemd" / "user").iterdir()}
@@ -266,7 +266,7 @@ def test_systemd_accepts_units(folder: Path, tmp_path: Path, text: str) -> None:
     export = EXPORTERS["systemd"](network(component(folder, "laser"), arm), "net.ddsl")
     write_export(export, tmp_path / "units")
     units = sorted(str(path) for path in (tmp_path / "units").iterdir())
-    ran = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, timeout=60)
+    ran = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, timeout=SOON * 6)
     assert (ran.returncode, ran.stderr) == (0, "")
 
 

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -785,17 +785,31 @@ class Controller:
         self.running.stdout.close()
 
 
+@pytest.fixture
+def controlled(tmp_path: Path) -> Iterator[Callable[..., Controller]]:
+    with contextlib.ExitStack() as running:
+
+        def start(*arguments: str) -> Controller:
+            controller = Controller(tmp_path, *arguments)
+            running.callback(controller.kill)
+            return controller
+
+        yield start
+
+
 @pytest.mark.parametrize("groups", ["groups", "no groups"])
-def test_when_the_launcher_is_killed_its_keeper_ends_everything(tmp_path: Path, groups: str) -> None:
-    controller = Controller(tmp_path, groups)
+def test_when_the_launcher_is_killed_its_keeper_ends_everything(
+    controlled: Callable[..., Controller], tmp_path: Path, groups: str
+) -> None:
+    controller = controlled(groups)
     controller.kill()
     for pid in (controller.one, controller.stray, controller.keeper):
         wait_until(lambda pid=pid: is_gone(pid))  # type: ignore[misc]
     assert not (tmp_path / "net").exists()
 
 
-def test_a_keeper_that_is_killed_is_replaced(tmp_path: Path) -> None:
-    controller = Controller(tmp_path)
+def test_a_keeper_that_is_killed_is_replaced(controlled: Callable[..., Controller]) -> None:
+    controller = controlled()
     os.kill(controller.keeper, signal.SIGKILL)
     wait_until(lambda: is_gone(controller.keeper))
     program = "robocomp_py.deploy.launcher.keeper"
@@ -806,8 +820,10 @@ def test_a_keeper_that_is_killed_is_replaced(tmp_path: Path) -> None:
     wait_until(lambda: is_gone(controller.one) and is_gone(controller.stray))
 
 
-def test_when_both_are_killed_the_kernel_ends_processes_and_the_next_launch_the_rest(tmp_path: Path) -> None:
-    controller = Controller(tmp_path, deaf="deaf")
+def test_when_both_are_killed_the_kernel_ends_processes_and_the_next_launch_the_rest(
+    controlled: Callable[..., Controller], tmp_path: Path
+) -> None:
+    controller = controlled("no groups", "deaf")
     os.kill(controller.running.pid, signal.SIGSTOP)  # so that it does not notice
     os.kill(controller.keeper, signal.SIGKILL)
     controller.kill()
@@ -829,14 +845,17 @@ def test_the_sockets_of_a_killed_launch_do_not_stop_the_next_one(tmp_path: Path)
 
 
 def test_a_stranger_with_the_id_of_a_leftover_is_left_alone(tmp_path: Path) -> None:
-    stranger = subprocess.Popen([sys.executable, "-ISc", FOREVER], start_new_session=True)
-    trace = traces.look(stranger.pid)
-    assert trace
-    left = leftovers.Leftovers("mark", traces.boot(), "", {stranger.pid: trace.started - 1})
-    assert left.end(grace=0.0) == 0
-    left.processes[stranger.pid] = trace.started
-    assert left.end(grace=SOON) == 1
-    assert stranger.wait() == -signal.SIGTERM
+    with subprocess.Popen([sys.executable, "-ISc", FOREVER], start_new_session=True) as stranger:
+        try:
+            trace = traces.look(stranger.pid)
+            assert trace
+            left = leftovers.Leftovers("mark", traces.boot(), "", {stranger.pid: trace.started - 1})
+            assert left.end(grace=0.0) == 0
+            left.processes[stranger.pid] = trace.started
+            assert left.end(grace=SOON) == 1
+            assert stranger.wait(SOON) == -signal.SIGTERM
+        finally:
+            stranger.kill()
 
 
 def test_before_the_machine_was_started_anew_ids_meant_others(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.deploy.launcher import unsafe
+from robocomp_py.testing.patience import SOON
 
 PRIVATE = ("_prctl", "_fork", "_exit", "_wait_for_threads", "_run_exit_functions")
 
@@ -36,7 +37,7 @@ def test_all_of_it_is_there() -> None:
 def test_a_process_ends_as_python_ends(missing: tuple[str, ...], tmp_path: Path) -> None:
     file = tmp_path / "left open"
     command = [sys.executable, "-c", ENDING, str(file), *missing]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=SOON * 6)
     assert (ended.returncode, ended.stdout.splitlines(), ended.stderr) == (3, ["waited for", "registered"], "")
     assert file.read_text() == "written out"
 
@@ -53,7 +54,7 @@ if not child:
     os._exit(5)
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
-    done = subprocess.run([sys.executable, "-c", code, *missing], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code, *missing], capture_output=True, text=True, timeout=SOON * 6)
     assert (done.returncode, done.stdout, done.stderr) == (0, "5\n", "")
 
 

@@ -34,7 +34,11 @@ def started(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
         yield process
     finally:
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=SOON * 2)
+        try:
+            process.communicate(timeout=SOON * 3)
+        finally:
+            process.kill()
+            process.wait()
 
 
 @pytest.mark.tool

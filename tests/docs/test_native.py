@@ -70,7 +70,11 @@ def started(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGTERM)
-        process.communicate(timeout=SOON)
+        try:
+            process.communicate(timeout=SOON * 3)
+        finally:
+            process.kill()
+            process.wait()
 
 
 def run_all(typed: list[Command], folder: Path) -> None:

@@ -14,7 +14,7 @@ from robocomp_py.contract.qos import PRESETS
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.runtime.clock import SECOND
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
 
@@ -190,7 +190,7 @@ def test_a_sleep_at_the_end_follows_the_machine() -> None:
 
 def test_components_without_a_clock_to_follow_import_nothing_of_it() -> None:
     code = "import sys, robocomp_py.runtime.run; assert not [each for each in sys.modules if 'lockstep' in each]"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=SOON * 6)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from robocomp_py.runtime import settings
 from robocomp_py.runtime.run import Running
 from robocomp_py.testing.callers import CallersConformance, CallersSuite, Echo, Hub, Peer
 from robocomp_py.testing.instances import TellerHandler
+from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport
 from robocomp_py.transports.inproc import InprocTransport
 from robocomp_py.virtual.simulation import Simulation
@@ -80,7 +81,7 @@ class Handling(TellerHandler):
 
 def test_components_that_do_not_ask_import_nothing_of_it() -> None:
     code = "import sys, robocomp_py.runtime.run; assert 'robocomp_py.runtime.callers' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=SOON * 6)
 
 
 def test_callers_in_virtual_time() -> None:

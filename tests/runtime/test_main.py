@@ -19,6 +19,7 @@ from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.errors import ComponentError
 from robocomp_py.runtime.ending import grace_of
 from robocomp_py.runtime.load import load_worker
+from robocomp_py.testing.patience import SOON
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_an_import_without_its_dot_is_told_with_the_remedy(tmp_path: Path) -> No
 
 
 def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=cwd, timeout=60)
+    return subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=cwd, timeout=SOON * 6)
 
 
 @contextmanager
@@ -53,15 +54,15 @@ def started(
     )
     assert process.stderr is not None
     seen: list[str] = [] if before is None else before
-    for line in process.stderr:
-        seen.append(line)
-        if "ready" in line:
-            break
-    else:
-        raise AssertionError("".join(seen))
     try:
+        for line in process.stderr:
+            seen.append(line)
+            if "ready" in line:
+                break
+        else:
+            raise AssertionError("".join(seen))
         yield process
-        process.wait(30)
+        process.wait(SOON * 3)
     finally:
         process.kill()
         process.wait()

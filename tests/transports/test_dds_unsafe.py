@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.dds import unsafe
 
 
@@ -30,7 +31,7 @@ except ImportError as exc:
 
 
 def test_another_version_of_the_library_is_refused_at_the_import() -> None:
-    done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=SOON * 6, check=True)
     assert "does not have `_entities`" in done.stdout
 
 

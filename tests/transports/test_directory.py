@@ -87,21 +87,21 @@ member.address("socket").touch()
 print("here", flush=True)
 time.sleep(600)
 """
-    victim = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-    assert victim.stdout is not None
-    assert victim.stdout.readline() == b"here\n"
-    wait_until(lambda: directory.find("serves", "a/b/c"))
-    ((member, _),) = directory.find("serves", "a/b/c")
-    assert directory.alive(member.id)
-    victim.send_signal(signal.SIGSTOP)
-    wait_until(lambda: not directory.responds(member, within=0.01))
-    assert directory.alive(member.id)
-    assert directory.responds(member, within=1000.0)
-    victim.send_signal(signal.SIGCONT)
-    wait_until(lambda: directory.responds(member, within=0.0))
-    victim.kill()
-    victim.wait()
-    victim.stdout.close()
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as victim:
+        try:
+            assert victim.stdout is not None
+            assert victim.stdout.readline() == b"here\n"
+            wait_until(lambda: directory.find("serves", "a/b/c"))
+            ((member, _),) = directory.find("serves", "a/b/c")
+            assert directory.alive(member.id)
+            victim.send_signal(signal.SIGSTOP)
+            wait_until(lambda: not directory.responds(member, within=0.01))
+            assert directory.alive(member.id)
+            assert directory.responds(member, within=1000.0)
+            victim.send_signal(signal.SIGCONT)
+            wait_until(lambda: directory.responds(member, within=0.0))
+        finally:
+            victim.kill()
     assert not directory.alive(member.id)
     assert not directory.responds(member, within=1000.0)
     assert list((tmp_path / "transport").iterdir()) == []

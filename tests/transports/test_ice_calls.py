@@ -84,7 +84,6 @@ class Echo:
         pipe = subprocess.PIPE
         command = [sys.executable, "-c", ECHO, endpoint, *properties]
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
-        assert self.said() == "ready"
 
     def said(self) -> str:
         assert self._process.stdout
@@ -112,6 +111,7 @@ def echo(endpoint: str) -> Iterator[Callable[..., Echo]]:
         def start(*properties: str) -> Echo:
             program = Echo(endpoint, *properties)
             running.callback(program.end)
+            assert program.said() == "ready"
             return program
 
         yield start

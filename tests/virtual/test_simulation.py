@@ -20,6 +20,7 @@ from robocomp_py.errors import ComponentError, Timeout
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
+from robocomp_py.testing.patience import SOON
 from robocomp_py.virtual.simulation import Part, Simulation
 
 from ..runtime.components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil
@@ -37,7 +38,7 @@ def no_threads_are_left() -> Iterator[None]:
     before = set(threading.enumerate())
     yield
     for each in set(threading.enumerate()) - before:
-        each.join(30)  # it may have been told to end, and not have ended yet
+        each.join(SOON * 3)  # it may have been told to end, and not have ended yet
     assert set(threading.enumerate()) <= before
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import pytest
 
 from robocomp_py.classic.workers import unsafe
+from robocomp_py.testing.patience import SOON
 
 PRIVATE = ("_register", "_awaited")
 
@@ -57,7 +58,7 @@ unsafe.not_awaited(each)
 
 def printed(code: str, seconds: float, *missing: str) -> list[str]:
     call = [sys.executable, "-c", code.replace("SECONDS", str(seconds)), *missing]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(call, capture_output=True, text=True, timeout=SOON * 6, check=True)
     return done.stdout.splitlines()
 
 

@@ -94,8 +94,11 @@ def deployed(made: Path, name: str, storm: str) -> Iterator[tuple[subprocess.Pop
             yield process, lines
         finally:
             process.send_signal(signal.SIGTERM)
-            process.wait(SOON * 3)
-            reader.join(SOON)
+            try:
+                process.wait(SOON * 3)
+            finally:
+                process.kill()
+                reader.join(SOON)
 
 
 def answers(storm: str) -> bool:

@@ -38,7 +38,11 @@ def shell(command: str, folder: Path) -> subprocess.Popen[str]:
 def stop(program: subprocess.Popen[str]) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(program.pid, signal.SIGTERM)
-    program.communicate(timeout=SOON)
+    try:
+        program.communicate(timeout=SOON * 3)
+    finally:
+        program.kill()
+        program.wait()
 
 
 def test_the_programs_of_the_page_ask_and_are_asked(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from robocomp_py.cli import rc
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.recording.bag import Options
@@ -113,11 +113,14 @@ def test_what_an_ended_recorder_has_written_is_there(
     number: signal.Signals, talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = [sys.executable, "-m", "robocomp_py.cli.rc", "record", "-o", str(tmp_path / "run")]
-    recorder = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     file = tmp_path / "run" / "run_0.mcap"
-    wait_until(lambda: file.exists() and file.stat().st_size > 1500)
-    recorder.send_signal(number)
-    out, _ = recorder.communicate()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as recorder:
+        try:
+            wait_until(lambda: file.exists() and file.stat().st_size > 1500, SOON * 3)
+            recorder.send_signal(number)
+            out, _ = recorder.communicate(timeout=SOON * 3)
+        finally:
+            recorder.kill()
     if number == signal.SIGINT:
         assert recorder.returncode == 130
         assert re.search(r"run: [1-9]\d* messages of 1 topic", out)

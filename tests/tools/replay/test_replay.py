@@ -221,6 +221,7 @@ def test_keys_pause_it_and_send_single_messages(tmp_path: Path) -> None:
             out, _ = replay.communicate(timeout=SOON)
         finally:
             replay.kill()
+            replay.communicate()
             os.close(ours)
     assert replay.returncode == 0
     assert re.match(r".*run: 10 messages in ", out)
