@@ -206,14 +206,14 @@ class Monitor:
         finally:
             self.leave()
 
-    def enter(self, *, early: bool = False) -> None:
-        """Wait until the calling thread may enter. Raises Closed if it never may."""
+    def enter(self, *, early: bool = False) -> bool:
+        """Wait until the calling thread may enter; returns whether it had to. Raises Closed if it never may."""
         with self._state:
             if self._closed and not early:
                 raise Closed("the component is stopping")
             if self._inside is None and not self._queue and (self._open or early):
                 self._inside = threading.get_ident()
-                return
+                return False
             ticket = _Ticket(early, self._threads.signal())
             self._queue.append(ticket)
             if self._inside is None:
@@ -222,6 +222,7 @@ class Monitor:
         ticket.called.acquire()
         if ticket.refused:
             raise Closed("the component is stopping")
+        return True
 
     def try_enter(self) -> bool:
         """Enter at once, or return False: if a thread is inside or queued, or jobs are not admitted."""
@@ -321,7 +322,7 @@ class Monitor:
             self._suspended -= 1
             if self._inside is None:
                 self._inside = threading.get_ident()
-                return
+                return False
             ticket = _Ticket(early=True, called=self._threads.signal())
             self._queue.appendleft(ticket)
         finally:

@@ -112,6 +112,8 @@ class Running:
         self._sleeping: set[threading.Event] = set()
         self._last_hindrance = ""
         self._doing: list[Callable[[], object]] = []
+        self._entered = 0
+        """When the thread of the component last entered the monitor after it had to wait."""
         self._machine: Machine | None = None
         self._diary: Diary | None = None
         self._round = 0
@@ -512,7 +514,7 @@ class Running:
         now = self.clock.now()
         beat.done(now)
         if beat.overruns != skipped:
-            self._tell_slow(self._compute, hook, (now - begun) / SECOND)
+            self._tell_slow(self._compute, hook, (now - max(begun, self._entered)) / SECOND)
         return True
 
     def _timing(self) -> Agenda:
@@ -590,12 +592,19 @@ class Running:
 
     def _tell_slow(self, timer: Timer, hook: Callable[[], object], took: float) -> None:
         """Warn once if a timer skips more than half of its periods. A single late call is not reported."""
-        if not timer._was_slow and timer.overruns >= max(_SLOW, timer.calls):
-            timer._was_slow = True
-            log.warning(
-                "%s took %.3g s, longer than the period of %.3g s: %d periods were skipped (more are only counted)",
-                _name(hook), took, timer.period, timer.overruns,
-            )  # fmt: skip
+        if timer._was_slow or timer.overruns < max(_SLOW, timer.calls):
+            return
+        timer._was_slow = True
+        if took >= timer.period:
+            text = f"took {took:.3g} s, longer than the period of {timer.period:.3g} s: "
+        else:
+            text = f"waited for other code of this component{self._slow_handler(timer.period)}: "
+        log.warning("%s %s%d periods were skipped (more are only counted)", _name(hook), text, timer.overruns)
+
+    def _slow_handler(self, period: float) -> str:
+        """For a message: the handler that took longest, if that was at least half of a period."""
+        took, handler = self.monitor.tallies.slowest_handler()
+        return f" ({handler} took {took:.3g} s, the period is {period:.3g} s)" if took >= period / 2 else ""
 
     def _call_qos_hook(self, port: Port, operation: str, event: Missed | Lost) -> None:
         """Call the hook for a missed deadline or a lost publisher, inside the monitor."""
@@ -625,7 +634,8 @@ class Running:
         self._guard(hook, self._held, hook, early)
 
     def _held(self, hook: Callable[[], None], early: bool) -> None:
-        self.monitor.enter(early=early)  # on the path of every instant: `with` costs more
+        if self.monitor.enter(early=early):  # on the path of every instant: `with` costs more
+            self._entered = self.clock.now()
         try:
             hook()
         finally:

@@ -172,6 +172,11 @@ class Tally:
         named = names.instance(self.route.channel) if self.port.each else ""
         return names.within(named, self.port.label)
 
+    @property
+    def handler(self) -> str:
+        """The method that handles its messages."""
+        return f"{self.port.label}_{self.operation.name}"
+
 
 class Tallies:
     """All tallies of a component. Safe to use from any thread."""
@@ -205,6 +210,11 @@ class Tallies:
     def every(self) -> Sequence[Tally]:
         return tuple(self._every)
 
+    def slowest_handler(self) -> tuple[float, str]:
+        """The longest of the latest runs of handlers, in seconds, and the method that it was; 0 and "" before any."""
+        handlers = (each for each in self.every if each.port.verb in _HANDLED and each.latest)
+        return max(((max(each.latest), each.handler) for each in handlers), default=(0.0, ""))
+
     def take(self) -> tuple[int, float]:
         """The number of requests answered since the last call of this method, and the seconds from the arrival of the
         slowest timed one until it was answered."""
@@ -235,6 +245,7 @@ def write(tallies: Tallies, ports: Sequence[Port], namespace: str, instance: str
 
 
 _WRITTEN = (Verb.REQUIRES, Verb.SUBSCRIBES)
+_HANDLED = (Verb.IMPLEMENTS, Verb.SUBSCRIBES)
 
 
 def _row(tally: Tally, instance: str) -> dict[str, Any]:

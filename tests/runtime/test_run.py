@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -133,6 +134,26 @@ def test_a_component_that_is_too_slow_for_its_period_says_so_once(find: Any, cap
     said = [line for line in caplog.messages if "periods were skipped" in line]
     assert len(said) == 1
     assert re.match(r"\S+Slow.compute took 0.0\d+ s, longer than the period of 0.005 s: \d+ periods", said[0])
+
+
+def test_a_compute_that_waits_for_a_slow_handler_names_the_handler(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+    class Blocked(Calculator):
+        def Everything_work(self, task: str) -> str:
+            threading.Event().wait(0.1)
+            return task
+
+    made = make(Blocked, find, "component.period=1000")
+    with running(made) as worker, asking(find) as ask:
+        work = partial(ask, "calculator/Everything", e.EVERYTHING, e.work, "")
+        work()
+        wait_until(lambda: made.monitor.tallies.slowest_handler()[0] > 0)  # noted after the answer
+        worker.period = 0.005
+        while made.overruns <= made.computes:
+            work()
+        wait_until(lambda: any("periods were skipped" in line for line in caplog.messages))
+    (said,) = (line for line in caplog.messages if "periods were skipped" in line)
+    cause = r"Everything_work took 0\.\d+ s, the period is 0.005 s"
+    assert re.search(rf"compute waited for other code of this component \({cause}\): \d+ periods", said)
 
 
 def test_a_component_tells_its_state_counts_ports_and_peers(find: Any) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from robocomp_py.cli import rc
@@ -197,6 +198,22 @@ def test_an_overrun_tells_share_and_period() -> None:
     ]
 
 
+def test_an_overrun_names_the_handler_that_takes_half_a_period() -> None:
+    handler = Measure(port="LaserPub", operation="scanned", verb="subscribesTo", latest=np.array([0.01, 0.5]))
+    quick = replace(handler, operation="moved", latest=np.array([0.001]))
+    client = replace(handler, verb="requires", latest=np.array([3.0]))
+    slow = asked("slow", Measures(period=0.05, computes=75, overruns=25, operations=[quick, handler, client]))
+    (found,) = findings(facts(components=(slow,)), "overruns")
+    assert ": make its compute and its handler LaserPub_scanned (up to 0.5 s) faster, or its period longer" in found
+
+
+def test_a_message_that_was_dropped_is_one_of_those_that_came() -> None:
+    lossy = Measure(verb="subscribesTo", channel="a/B/c", middleware="near", received=15, dropped=47, lost=3)
+    lost, dropped = findings(facts(components=(asked("eye", Measures(operations=[lossy])),)), "losses")
+    assert lost.startswith("warn eye: 3 of 65 messages of a/B/c over near were lost: ")
+    assert dropped.startswith("warn eye: 47 of 65 messages of a/B/c over near were dropped: ")
+
+
 def test_lost_messages_and_failed_calls_are_found() -> None:
     measured = Measures(
         operations=[
@@ -208,7 +225,7 @@ def test_lost_messages_and_failed_calls_are_found() -> None:
     given = facts(components=(asked("eye", measured),))
     lost, malformed = findings(given, "losses")
     assert lost.startswith("warn eye: 10 of 100 messages of a/B/c over near were lost: ")
-    assert malformed.startswith("warn eye: 2 of 9 messages of x/F/g over near were malformed: ")
+    assert malformed.startswith("warn eye: 2 of 11 messages of x/F/g over near were malformed: ")
     called, answered = findings(given, "failures")
     assert called.startswith("error eye: 3 of 3 calls of a/D/e over near failed: ")
     assert answered.startswith("warn eye: 1 of 9 requests for x/F/g over near failed: ")

@@ -24,8 +24,10 @@ def find(facts: Facts) -> Iterator[Finding]:
             for kind, advice in _ADVICE.items():
                 number = getattr(one, kind)
                 if number > 0:
-                    sent = one.received + one.lost
-                    text = f"{number} of {sent} messages of {one.channel} over {one.middleware} {_is(kind)}"
+                    sent = one.received + one.lost + one.dropped + one.expired + one.malformed
+                    text = (
+                        f"{number} of {max(sent, number)} messages of {one.channel} over {one.middleware} {_is(kind)}"
+                    )
                     yield Finding(Weight.WARN, f"{each.name}: {text}", advice.format(channel=one.channel))
 
 
