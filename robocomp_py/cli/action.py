@@ -118,23 +118,16 @@ def _list(options: argparse.Namespace, hosts: Hosts) -> int:
 
 
 def _info(options: argparse.Namespace, hosts: Hosts) -> int:
-    from ..tools.actions import told
-    from .info import end_line
+    from .info import described_action, told_action
 
     offered = _awaited(options, hosts)
-    action = offered.action
+    goals = _goals(offered)
     if options.json:
-        goals = {goal.hex(): state.name for goal, state in _goals(offered).items()}
-        print(json.dumps({"action": offered.name, "contract": list(told(action)), "goals": goals}))
+        print(json.dumps(told_action(offered) | {"goals": {goal.hex(): state.name for goal, state in goals.items()}}))
         return FINE
-    print(f"{offered.name}: action")
-    for line in told(action):
-        print(f"  {line}")
-    for word, ends in (("served", offered.start.providers), ("used", offered.start.users)):
-        for end in ends:
-            print(f"  {word} by {end_line(end)}")
-    known = _goals(offered)
-    for goal, state in known.items():
+    for line in described_action(offered):
+        print(line)
+    for goal, state in goals.items():
         print(f"  goal {goal.hex()}: {state.name}")
     return FINE
 

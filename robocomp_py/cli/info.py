@@ -14,10 +14,11 @@ from .hosts import add_hosts, hosts_of
 from .live import EXIT_STATUS, TOPIC, add_json, add_middleware, add_waiting, awaited, reported
 
 if TYPE_CHECKING:
+    from ..tools.actions import Offered
     from ..tools.network import Channel, End, Network
 
 NAME = "info"
-HELP = "show the contract of a topic, query or command, and what uses it"
+HELP = "show the contract of a topic, query, command or action, and what uses it"
 
 _EXAMPLES = f"""\
 examples:
@@ -50,18 +51,53 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     with reported("rc info") as code, hosts_of(options) as hosts:
 
-        def pick(network: Network) -> tuple[Network, list[Channel]]:
-            return network, network.named(options.name)
+        def pick(network: Network) -> tuple[Network, list[Offered], list[Channel]]:
+            return network, *_meant(network, options.name)
 
-        network, found = awaited(options, pick, hosts)
+        network, actions, found = awaited(options, pick, hosts)
         comments = _comments(network, found)
         if options.json:
+            for action in actions:
+                print(json.dumps(told_action(action)))
             for each in found:
                 print(json.dumps(_told(each, comments[each.name])))
         else:
-            print("\n\n".join("\n".join(_described(each, comments[each.name])) for each in found))
+            blocks = [*map(described_action, actions), *(_described(each, comments[each.name]) for each in found)]
+            print("\n\n".join(map("\n".join, blocks)))
         return FINE
     return code()
+
+
+def _meant(network: Network, name: str) -> tuple[list[Offered], list[Channel]]:
+    """The actions that a name means, and the channels that are no parts of these. Raises ValueError."""
+    from ..tools.actions import offered
+
+    actions = [each for each in offered(network).values() if each.is_meant_by(name) and each.is_understood]
+    try:
+        channels = network.named(name)
+    except ValueError:
+        if not actions:
+            raise
+        channels = []
+    parts = {channel.name for each in actions for channel in each.parts.values()}
+    return actions, [each for each in channels if each.name not in parts]
+
+
+def told_action(offered: Offered) -> dict[str, object]:
+    """An action for machines."""
+    from ..tools.actions import told
+
+    return {"action": offered.name, "contract": list(told(offered.action))}
+
+
+def described_action(offered: Offered) -> Iterator[str]:
+    """An action for people, as one operation."""
+    from ..tools.actions import told
+
+    yield f"{offered.name}: action"
+    yield from (f"  {line}" for line in told(offered.action))
+    for word, ends in (("served", offered.start.providers), ("used", offered.start.users)):
+        yield from (f"  {word} by {end_line(end)}" for end in ends)
 
 
 def _comments(network: Network, found: list[Channel]) -> dict[str, list[tuple[str, str]]]:

@@ -214,7 +214,10 @@ def topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
 
 def one_of(network: Network, name: str) -> Channel:
     """The only channel that a name means. Raises ValueError, with the candidates."""
-    found = network.named(name)
+    try:
+        found = network.named(name)
+    except ValueError as exc:
+        raise Wrong(str(exc)) if network.has_action(name) else exc from None
     if len(found) > 1:
         listed = ", ".join(each.name for each in found[:_LONGEST])
         raise Wrong(f"`{name}` may be {listed}{', …' if len(found) > _LONGEST else ''}; write more of the name")

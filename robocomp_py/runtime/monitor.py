@@ -322,7 +322,7 @@ class Monitor:
             self._suspended -= 1
             if self._inside is None:
                 self._inside = threading.get_ident()
-                return False
+                return
             ticket = _Ticket(early=True, called=self._threads.signal())
             self._queue.appendleft(ticket)
         finally:

@@ -30,6 +30,18 @@ class Offered:
     parts: Mapping[str, Channel]
     """By the words of `contract.interface.PARTS`; those that are not there are missing."""
 
+    def is_meant_by(self, name: str) -> bool:
+        """Whether this is its name, or a part of it between slashes."""
+        return f"/{name.strip('/')}/" in f"/{self.name}/"
+
+    @property
+    def is_understood(self) -> bool:
+        """Whether its parts are announced, and belong together."""
+        try:
+            return bool(self.action.name)
+        except NotUnderstood:
+            return False
+
     @property
     def start(self) -> Channel:
         return self.parts["start"]
@@ -56,8 +68,7 @@ def named(network: Network, name: str) -> Offered:
     known = offered(network)
     if whole := known.get(name.strip("/")):
         return whole
-    wanted = f"/{name.strip('/')}/"
-    found = [each for whole, each in known.items() if wanted in f"/{whole}/"]
+    found = [each for each in known.values() if each.is_meant_by(name)]
     if len(found) == 1:
         return found[0]
     if found:

@@ -250,7 +250,7 @@ class Network:
                 text = interface if told.owner in (whole, instance) else f"{instance}/{interface}"
             else:
                 where = running.uses
-                text = interface if instance == names.ANY else f"{interface} of {instance}"
+                text = interface if instance == names.ANY else f"{interface} of {told.channel.rsplit('/', 2)[0]}"
             for listed, one in ((where, text), (running.middlewares, end.middleware)):
                 if one not in listed:
                     listed.append(one)
@@ -304,7 +304,13 @@ class Network:
         parts |= {each.rpartition("/")[0] for each in provided}
         return closest(name.strip("/"), parts)
 
+    def has_action(self, name: str) -> bool:
+        """Whether this is the name of an action, or its end, instead of that of a channel."""
+        return any(f"/{each}".endswith(f"/{name.strip('/')}-start") for each in self.channels)
+
     def _unknown(self, name: str) -> str:
+        if self.has_action(name):
+            return f"`{name}` is an action; `rc action` begins, shows and cancels its goals"
         near = self.closest(name)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
 

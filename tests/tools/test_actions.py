@@ -66,6 +66,27 @@ def test_types_and_goals_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert "served by pilot (process" in shown
 
 
+@pytest.mark.parametrize("name", ["fly", "Pilot/fly", "pilot"])
+def test_rc_info_shows_an_action_as_one_operation(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = said(capsys, "info", name)
+    assert shown.startswith("pilot/Pilot/fly: action\n  [action] int32 fly(Place target, int32 steps) feedback(")
+    assert "served by pilot (process" in shown
+    assert "fly-start" not in shown
+    assert json.loads(said(capsys, "info", name, "--json").splitlines()[0])["action"] == "pilot/Pilot/fly"
+
+
+def test_a_part_of_an_action_is_shown_if_it_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(capsys, "info", "fly-status").startswith("pilot/Pilot/fly-status: publish\n")
+
+
+@pytest.mark.parametrize("command", [("call", "fly"), ("call", "pilot/Pilot/fly"), ("echo", "fly", "--timeout", "0.1")])
+def test_commands_for_other_operations_tell_that_it_is_an_action(
+    command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = f"`{command[1]}` is an action; `rc action` begins, shows and cancels its goals"
+    assert told in complained(capsys, *command)
+
+
 def test_a_detached_goal_goes_on_and_can_be_cancelled(capsys: pytest.CaptureFixture[str]) -> None:
     began = said(capsys, "action", "send", "fly", "target.x=1", "target.y=2", "steps=100000", "--detach")
     goal = began.split()[1]

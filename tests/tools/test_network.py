@@ -51,10 +51,12 @@ def test_components_of_one_name_in_two_namespaces_are_two() -> None:
     ends = [
         end("left/arm", "serves", "left/arm/Everything/divide", pid=4),
         end("right/arm", "serves", "right/arm/Everything/divide", pid=4),
+        end("right/hand", "calls", "right/arm/Everything/divide", pid=5),
     ]
-    assert [(each.owner, each.offers) for each in Network(ends).components()] == [
-        ("left/arm", ["Everything"]),
-        ("right/arm", ["Everything"]),
+    assert [(each.owner, each.offers, each.uses) for each in Network(ends).components()] == [
+        ("left/arm", ["Everything"], []),
+        ("right/arm", ["Everything"], []),
+        ("right/hand", [], ["Everything of right/arm"]),
     ]
 
 
