@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS
-from ..contract.types import Enumeration, Field, Struct, walk
+from ..contract.types import Field, walk
 from ..errors import ContractMismatch, RobocompError, Timeout, Unreachable
 from ..runtime.calls import Call
-from ..spelling import and_then, unknown
 from ..threads import fulfil
 from ..tools import far
 from ..tools.idsl import declared
@@ -22,9 +21,10 @@ from ..tools.network import Channel
 from ..tools.publishing import publish
 from ..transports import base
 from ..transports.base import Caller, Outlet, Transport
+from .arguments import arguments, example
 from .channels import transport_channel
 from .elsewhere import FarAsking
-from .values import empty, fitted, record_of
+from .values import record_of
 
 if TYPE_CHECKING:
     from .hearing import Hearing, Listening
@@ -99,26 +99,10 @@ class Described:
         return f"…{self._operation.name}({self._example()})"
 
     def _example(self) -> str:
-        return ", ".join(f"{each.attribute}={_plain(each)}" for each in self._inputs)
+        return example(self._inputs)
 
     def _arguments(self, values: Sequence[Any], named: Mapping[str, Any]) -> tuple[Any, ...]:
-        """The inputs in their order. Raises TypeError, and EncodeError for a part of one that does not fit."""
-        name, fields = self._title, self._inputs
-        takes = f"it takes ({self._example()})"
-        if len(values) > len(fields):
-            raise TypeError(f"{name}: {len(values)} arguments are given; {takes}")
-        given = {field.name: value for field, value in zip(fields, values, strict=False)}
-        known = {each.name: each.name for each in fields} | {each.attribute: each.name for each in fields}
-        for key, value in named.items():
-            if key not in known:
-                names = [*(each.name for each in fields), "deadline"]
-                raise TypeError(f"{name}: {and_then(unknown('argument', key, names), takes)}")
-            if known[key] in given:
-                raise TypeError(f"{name}: `{key}` is given twice")
-            given[known[key]] = value
-        if absent := [each.name for each in fields if each.name not in given]:
-            raise TypeError(f"{name}: lacks {', '.join(f'`{each}`' for each in absent)}; {takes}")
-        return tuple(fitted(each.type, given[each.name], f"{name}: {each.name}") for each in fields)
+        return arguments(self._title, self._inputs, values, named, also=("deadline",))
 
     def _deadline(self, named: dict[str, Any]) -> float:
         """Takes `deadline` out of the arguments, unless the operation itself has one."""
@@ -132,20 +116,6 @@ class Described:
 
 def _provided(channel: Channel) -> tuple[Any, str, int]:
     return channel.via, channel.middlewares[0], next(iter(channel.texts))
-
-
-def _plain(field: Field) -> str:
-    """A value of a type as a caller may write it: an enumerator by its name, a struct as a dictionary."""
-    return repr(_written(field.type, empty(field.type)))
-
-
-def _written(kind: Any, value: Any) -> Any:
-    match kind:
-        case Struct(fields=fields):
-            return {each.name: _written(each.type, empty(each.type)) for each in fields}
-        case Enumeration(members=members):
-            return members[0][0] if members else 0
-    return value if isinstance(value, bool | int | float | str | dict) else []
 
 
 class Query(Described):
