@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from ..contract.component import MAX_SECONDS, Component
 from ..errors import ComponentError
+from ..spelling import closest
 from .lifecycle import Beat, Event, State
 from .timers import TimerHandle, Timers
 
@@ -230,11 +231,20 @@ def check_methods(worker: type[Worker[Any]]) -> None:
     for name, arguments in _wanted(worker.component):
         declared = getattr(worker, name, None)
         if declared is None or getattr(declared, "__isabstractmethod__", False):
-            lacking = f"{worker.__name__} lacks the method {name}"
-            raise ComponentError(f"{lacking}; {_remedy(worker)}:\n\n{_stub(worker, name)}")
+            near = closest(name, _uncalled(worker))
+            lacking = f"{worker.__name__} lacks the method {name}" + (
+                f", and has {near}: rename it, " if near else "; "
+            )
+            raise ComponentError(f"{lacking}{_remedy(worker)}:\n\n{_stub(worker, name)}")
         _check_method(worker, name, arguments)
     for port, action in worker.component.actions():
         _check_steps(worker, port.handler(action.name))
+
+
+def _uncalled(worker: type[Worker[Any]]) -> list[str]:
+    """Methods of its own that the framework does not call: one may be a handler with a misspelt name."""
+    called = {*HOOKS, *(name for name, _ in _wanted(worker.component))}
+    return [name for name in vars(worker) if not name.startswith("_") and name not in called]
 
 
 def _check_steps(worker: type[Worker[Any]], name: str) -> None:

@@ -65,6 +65,18 @@ def takes(arguments: ast.arguments, number: int) -> bool:
     return needed <= number and (number <= positional or arguments.vararg is not None) and not demanded
 
 
+def yields(method: ast.FunctionDef) -> bool:
+    """Whether a method is a generator. Functions inside of it do not count."""
+    inside: list[ast.AST] = list(method.body)
+    while inside:
+        node = inside.pop()
+        if isinstance(node, ast.Yield | ast.YieldFrom):
+            return True
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Lambda):
+            inside += ast.iter_child_nodes(node)
+    return False
+
+
 def check_worker(linked: LinkedComponent, workspace: Workspace) -> None:
     """Report what is wrong with the specific part beside a component's model, if there is one."""
     workspace.report.extend(complaints(linked, workspace))
@@ -162,6 +174,7 @@ class _Checker:
         self._worker, self._linked, self._clauses = worker, linked, clauses
         self._folder, self._read = folder, read
         self._wanted = wanted(linked.component)
+        self._actions = {port.handler(action.name) for port, action in linked.component.actions()}
 
     def check(self) -> Iterator[Diagnostic]:
         yield from self._wrong()
@@ -181,15 +194,18 @@ class _Checker:
             method = self._worker.find(each.name)
             if method is None or method.definition is None:
                 continue
-            begins = f"def {each.name}({', '.join(('self', *each.arguments))})"
+            hint = f"write `def {each.name}({', '.join(('self', *each.arguments))})`"
             if isinstance(method.definition, ast.AsyncFunctionDef):
                 message = f"`{each.name}` is `async def`, but the framework calls it as an ordinary method"
             elif not takes(method.definition.args, len(each.arguments)):
                 message = f"`{each.name}` does not take what it is given: {', '.join(each.arguments) or 'nothing'}"
+            elif each.name in self._actions and not yields(method.definition):
+                message = f"`{each.name}` executes an action, but has no `yield`"
+                hint = "write `yield` where the goal waits for the next compute"
             else:
                 continue
             related = self._at(each.clause, "asked for here")
-            yield Diagnostic("wrong-handler", message, method.at, Severity.ERROR, f"write `{begins}`", related)
+            yield Diagnostic("wrong-handler", message, method.at, Severity.ERROR, hint, related)
 
     def _at(self, clause: int, text: str) -> tuple[tuple[str, Span], ...]:
         """A place in the model, with what it is."""
@@ -201,10 +217,10 @@ class _Checker:
         asked = f", which `{text}` asks for" if text else ""
         others = {name: each for name, each in self._worker.methods.items() if self._is_free(name)}
         near = {name: mistyped(name, others) for name in names}
-        meant = [f"`{there}` for `{name}`" for name, there in near.items() if there]
+        meant = [f"`{there}` to `{name}`" for name, there in near.items() if there]
         hint = f"run: {stubs_command(self._linked.path, self._folder)}"
         if meant:
-            hint = f"is {' and '.join(meant)} a slip? else {hint}"
+            hint = f"rename {' and '.join(meant)}, or {hint}"
         behind = [each for each in self._worker.behind if any(name in each.members for name in names)]
         if behind:
             hint = f"name the class {behind[0].node.name} in front of GenericWorker, whose own methods are empty"

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..contract.types import (
     BOOL,
     FLOAT32,
@@ -93,8 +95,14 @@ def _short(name: str) -> str:
 
 
 def _show(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > _WHOLE:
+        of = f"fields {', '.join(value.dtype.names)}" if value.dtype.names else value.dtype.name
+        return f"ndarray of {of}, shape {value.shape}"
     return f"{type(value).__name__} {_REPR.repr(value)}"
 
+
+_WHOLE = 6
+"""The size up to which an array is shown with its values."""
 
 _REPR = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = 60

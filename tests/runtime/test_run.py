@@ -593,8 +593,21 @@ def test_a_missing_handler_is_named_with_the_method_to_add(find: Any) -> None:
         component = Calculator.component
         middleware = "inproc"
 
-    with pytest.raises(ComponentError, match="Lazy lacks the method Everything_echo_nested"):
+    with pytest.raises(ComponentError, match="Lazy lacks the method Everything_echo_nested; add:"):
         make(Lazy, find)
+
+
+def test_a_misspelt_handler_is_named_with_the_one_that_is_missing(find: Any) -> None:
+    class Misspelt(Worker[None]):
+        component = Calculator.component
+        middleware = "inproc"
+
+        def Everything_echo_nestd(self, value: e.Nested) -> e.Nested:
+            return value
+
+    told = "lacks the method Everything_echo_nested, and has Everything_echo_nestd: rename it, add:"
+    with pytest.raises(ComponentError, match=told):
+        make(Misspelt, find)
 
 
 def test_a_handler_with_other_arguments_is_named(find: Any) -> None:

@@ -36,10 +36,11 @@ def found(
     *,
     folder: Path = FOLDER,
     cdsl: str = CDSL,
+    idsl: str = IDSL,
     **others: str,
 ) -> list[Diagnostic]:
     """What is said of a specific part whose class has that body; `others` are the files beside it."""
-    texts = {"vault.cdsl": cdsl, "Vault.idsl": IDSL, "vault.smdsl": SMDSL, "specificworker.py": f"{head}\n{body}"}
+    texts = {"vault.cdsl": cdsl, "Vault.idsl": idsl, "vault.smdsl": SMDSL, "specificworker.py": f"{head}\n{body}"}
     texts |= {f"{name}.py": text for name, text in others.items()}
     files = {folder / name: text.encode() for name, text in texts.items()}
     workspace = Workspace(read=lambda path: files[path] if path in files else read_file(path))
@@ -73,7 +74,7 @@ def test_the_methods_of_timers_are_checked() -> None:
     timed = CDSL.replace("    language", "    timer poll 20 ms;\n    timer report 1 s;\n    language")
     lacks, uncalled = found(WHOLE + "    def timer_poll(self): pass\n    def timer_repot(self): pass\n", cdsl=timed)
     assert lacks.message == "`SpecificWorker` lacks `timer_report`, which `timer report` asks for"
-    assert lacks.hint.startswith("is `timer_repot` for `timer_report` a slip? else run: rcgen --stubs")
+    assert lacks.hint.startswith("rename `timer_repot` to `timer_report`, or run: rcgen --stubs")
     assert (uncalled.code, uncalled.message) == ("uncalled-handler", "`timer_repot` is not called by anything")
     [wrong] = found(WHOLE + "    def timer_poll(self, now): pass\n    def timer_report(self): pass\n", cdsl=timed)
     assert (wrong.code, wrong.hint) == ("wrong-handler", "write `def timer_poll(self)`")
@@ -102,6 +103,26 @@ def test_a_method_has_to_take_what_it_is_given(method: str, says: str) -> None:
     assert all(each.message.startswith(says) for each in diagnostics)
 
 
+@pytest.mark.parametrize(
+    ("body", "is_right"),
+    [
+        ("yield", True),
+        ("while True:\n            yield", True),
+        ("return (yield from self.steps(goal))", True),
+        ("return 0", False),
+        ("def steps():\n            yield\n        return 0", False),
+        ("return list(map(lambda x: (yield x), range(3)))", False),
+    ],
+)
+def test_the_handler_of_an_action_has_to_yield(body: str, is_right: bool) -> None:
+    idsl = IDSL.replace("int count", "[action] int fill(string item); int count")
+    method = f"    def Vault_fill(self, goal, item):\n        {body}\n"
+    diagnostics = found(WHOLE + method, idsl=idsl)
+    assert [(each.code, each.message) for each in diagnostics] == (
+        [] if is_right else [("wrong-handler", "`Vault_fill` executes an action, but has no `yield`")]
+    )
+
+
 def test_an_old_handler_is_reported_with_its_possible_new_name() -> None:
     [missing, uncalled] = found(STORE + STATES + "    def Vault_size(self): return 0\n")
     assert (missing.code, uncalled.code, uncalled.severity) == ("missing-handler", "uncalled-handler", "warning")
@@ -114,7 +135,7 @@ def test_a_slip_in_a_name_is_seen() -> None:
     missing, _ = found(
         STORE + STATES + "    def Vault_cuont(self): return 0\n    def compute(self): self.Vault_cuont()\n"
     )
-    assert missing.hint.startswith("is `Vault_cuont` for `Vault_count` a slip? else run: rcgen --stubs ")
+    assert missing.hint.startswith("rename `Vault_cuont` to `Vault_count`, or run: rcgen --stubs ")
 
 
 @pytest.mark.parametrize(

@@ -233,6 +233,12 @@ REFUSED: list[tuple[Type, Any, str]] = [
     (Sequence(INT32), 1, "value must be an array of int32, not int 1: int is not an array"),
     (Sequence(INT32), [[1], [2]], "value must be an array of int32, not list [[1], [2]]: 2 dimensions"),
     (Sequence(INT32), np.array(1), "value must be an array of int32, not ndarray array(1): 0 dimensions"),
+    (
+        Sequence(UINT8),
+        np.zeros((200, 300)),
+        "value must be an array of uint8, not ndarray of float64, shape (200, 300): float64 values",
+    ),
+    (POINT, np.zeros(9, [("x", "f4"), ("z", "i2")]), "value must be a Point, not ndarray of fields x, z, shape (9,)"),
     (Sequence(FLOAT32), [1e39], "value must be an array of float32, not list [1e+39]: values exceed float32"),
     (Sequence(FLOAT64), [None], "value must be an array of float64, not list [None]: object values"),
     (Sequence(BOOL), [0, 1], "value must be an array of bool, not list [0, 1]: int64 values"),

@@ -161,7 +161,8 @@ def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
         print(json.dumps(result | {"failed": sim.failed}))
         return
     shown = f"{factor:,.0f}" if factor >= 10 else f"{factor:.2g}"
-    print(f"{name}: {sim.time:.10g} s in {took:.2g} s, {shown} times as fast as real time")
+    fast = f", {shown} times as fast as real time" if sim.time else ""
+    print(f"{name}: {sim.time:.10g} s in {took:.2g} s{fast}")
     print(f"{sim.record.messages} messages, hash {sim.hash}")
     if sim.failed:
         from ...spelling import enumerated
