@@ -12,10 +12,12 @@ from .spelling import closest, enumerated
 
 
 class Parser(argparse.ArgumentParser):
-    """Unlike its base, it keeps the lines of descriptions and epilogs by default; so do its subparsers."""
+    """Unlike its base, it keeps the lines of descriptions and epilogs by default, and takes no abbreviated options: a
+    script that has them would break once there is another option. So do its subparsers."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**{"formatter_class": argparse.RawDescriptionHelpFormatter} | options)
+        ours: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
+        super().__init__(**ours | options)
 
     def parse_known_args(  # type: ignore[override]  # of its overloads, which differ only in the namespace
         self, args: Sequence[str] | None = None, namespace: Any = None

@@ -256,7 +256,7 @@ def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) 
     if options.json:
         print(json.dumps(told))
     elif "result" in told:
-        print(told["status"], spelled(told["result"]))
+        print(told["status"], *([spelled(told["result"])] if action.outputs else []))
     elif "exception" not in told:
         print(told["status"])
     return FINE if "result" in told else WRONG

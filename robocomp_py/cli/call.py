@@ -44,7 +44,8 @@ examples:
   rc call GotoPoint/go                                     shows what it takes
   rc call wander/CommonBehavior/killYourSelf --yes         what is marked [confirm], without being asked
 
-The answer is printed as JSON. A declared exception is printed with its fields, and the exit status is 1.
+The answer is printed as JSON; nothing is printed if the operation returns nothing, or with --json `null`. A declared
+exception is printed with its fields, and the exit status is 1.
 
 {EXIT_STATUS}
 """
@@ -67,7 +68,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--rate", type=positive, metavar="HZ", help="calls a second (default: one after the other)")
     add_yes(to)
     to.add_argument(
-        "--json", action="store_true", help="print a declared exception as JSON on stdout, as the answer is"
+        "--json", action="store_true", help="print a line of JSON for each call, also for a declared exception"
     )
     add_waiting(to)
     add_hosts(to)
@@ -121,7 +122,8 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
                 continue
             try:
                 shown = values.show_fields(operation.outputs, access.ask_again(channel, taken, options.deadline))
-                print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None), flush=True)
+                if shown or options.json:
+                    print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None), flush=True)
             except ThrownError as exc:
                 _print_thrown(exc, as_json=options.json)
                 code = WRONG

@@ -226,7 +226,8 @@ def _names(what: What, word: str, given: _Given) -> Iterator[Candidate]:
         case What.DECLARED:
             yield from _declared([*given.get("network", ()), *given.get("words", ())])
         case What.FIELD:
-            yield from _fields([*given.get("operation", ()), *given.get("topic", ())], given.get("arguments", ()), word)
+            named = [*given.get("operation", ()), *given.get("topic", ()), *given.get("action", ())]
+            yield from _fields(named, given.get("arguments", ()), word, of_action="action" in given)
         case What.PARAMETER | What.SETTING:
             yield from _parameters(given.get("component", ()), word, to_set=what is What.SETTING)
         case What.CHANNEL | What.TOPIC | What.CALLABLE:
@@ -263,15 +264,14 @@ def _declared(paths: Iterable[str]) -> Iterator[Candidate]:
             yield Candidate(str(instance.name), str(instance.kind or ""))
 
 
-def _fields(channels: Sequence[str], before: Sequence[str], word: str) -> Iterator[Candidate]:
-    """`NAME=` for each field of the channel that was named, `A.B=` within a struct; then the values it is one of."""
+def _fields(named: Sequence[str], before: Sequence[str], word: str, *, of_action: bool) -> Iterator[Candidate]:
+    """`NAME=` for each field of the channel or action that was named, `A.B=` within a struct; then the values it is one
+    of."""
     from ..contract.types import BOOL, Enumeration, spell
-    from ..tools.census import take_files
 
     taken = {each.partition("=")[0] for each in before}
     try:
-        found = take_files().named(channels[0]) if channels else []
-        leaves = list(_leaves(found[0].operation.inputs)) if len(found) == 1 else []
+        leaves = list(_leaves(_inputs(named[0], of_action=of_action))) if named else []
     except ValueError:
         return  # a shell can show no error
     for path, field in leaves:
@@ -285,6 +285,18 @@ def _fields(channels: Sequence[str], before: Sequence[str], word: str) -> Iterat
             yield from (Candidate(f"{path}={name}") for name, _ in kind.members)
         elif kind is BOOL:
             yield from (Candidate(f"{path}={value}") for value in ("true", "false"))
+
+
+def _inputs(name: str, *, of_action: bool) -> Sequence[Field]:
+    """What a channel or an action takes; nothing if several are meant. Raises ValueError if there is none."""
+    from ..tools import actions
+    from ..tools.census import take_files
+
+    network = take_files()
+    if of_action:
+        return actions.named(network, name).action.inputs
+    found = network.named(name)
+    return found[0].operation.inputs if len(found) == 1 else ()
 
 
 def _leaves(fields: Iterable[Field], above: str = "") -> Iterator[tuple[str, Field]]:

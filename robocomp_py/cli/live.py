@@ -161,8 +161,15 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
 
 
 def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
-    """The published topics that the arguments of `add_topics` name. Raises Absent."""
-    return awaited(options, lambda network: topics_of(network, options.topics), hosts)
+    """The published topics that the arguments of `add_topics` name. Says which of their publishers are not heard.
+
+    Raises Absent.
+    """
+    topics = awaited(options, lambda network: topics_of(network, options.topics), hosts)
+    for each in topics:
+        if each.left_out:
+            say(f"rc {options.command}", f"{each.name}: {each.left_out}; hear one host with --host {each.unheard[0]}")
+    return topics
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:

@@ -73,8 +73,8 @@ def overrides_of(options: argparse.Namespace) -> Overrides:
 
     _check_middleware(options.middleware)
     clock = "" if options.clock == "none" else options.clock
-    assignments = (*map(_assignment, options.set), *map(_diary, options.diary))
-    return Overrides(options.middleware, assignments, clock, options.clock_speed)
+    settings, diaries = tuple(map(_assignment, options.set)), tuple(map(_diary, options.diary))
+    return Overrides(options.middleware, settings, clock, options.clock_speed, diaries)
 
 
 def override_words(options: argparse.Namespace) -> list[str]:

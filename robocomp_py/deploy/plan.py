@@ -144,7 +144,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Overrides:
-    """The settings of a network on the command line: `--middleware`, `--clock`, and `--set INSTANCE.KEY=VALUE`."""
+    """The settings of a network on the command line: `--middleware`, `--clock`, `--set` and `--diary`."""
 
     middleware: str | None = None
     settings: tuple[tuple[str, str], ...] = ()
@@ -152,12 +152,17 @@ class Overrides:
     """The instance that leads the clock; "" for none, None for what the network says."""
     speed: float | None = None
     """Of the clock; 0 for as fast as possible."""
+    diaries: tuple[tuple[str, str], ...] = ()
+    """As `settings`: what makes instances write a diary, as `--diary INSTANCE` asks for."""
 
     def of(self, instance: str) -> list[str]:
         """The assignments for one instance; `*` is for all."""
-        return [assignment for name, assignment in self.settings if name in (instance, "*")]
+        found = [assignment for name, assignment in self.settings if name in (instance, "*")]
+        return found + [assignment for name, assignment in self.diaries if name == instance]
 
-    def named(self, instance: str, assignment: str) -> str:
-        """An assignment as it was given, with the instance that it is for."""
+    def option(self, instance: str, assignment: str) -> str:
+        """The option that asked for an assignment, as it was given."""
+        if (instance, assignment) in self.diaries:
+            return f"--diary {instance}"
         subject = instance if (instance, assignment) in self.settings else "*"
-        return f"{subject}.{assignment}"
+        return f"--set {subject}.{assignment}"

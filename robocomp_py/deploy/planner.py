@@ -213,14 +213,16 @@ class _Planner:
 
     def _check_overrides(self, nodes: Sequence[Node]) -> None:
         own_programs = {each.name.text: each.program for each in self._model.instances if each.program}
-        for name, assignment in self._overrides.settings:
-            origin = Source(Path(f"--set {name}.{assignment}"), "", has_places=False).span(0, 0)
+        diaries = self._overrides.diaries
+        for name, assignment in (*self._overrides.settings, *diaries):
+            is_diary = (name, assignment) in diaries
+            origin = Source(Path(self._overrides.option(name, assignment)), "", has_places=False).span(0, 0)
             if name in own_programs:
-                message = f"`{name}` is your own program; its configuration cannot be set here"
-                place = ("it is this one", own_programs[name].span)
-                self._report.error("configuration", message, origin, "give it `args` or `env`", place)
-            elif name != "*" and name not in self._instances:
-                whole = _with_instance(name, assignment.partition("=")[0], nodes)
+                what = "it writes no diary" if is_diary else "its configuration cannot be set here"
+                message, hint = f"`{name}` is your own program; {what}", "" if is_diary else "give it `args` or `env`"
+                self._report.error("configuration", message, origin, hint, ("it is this one", own_programs[name].span))
+            elif (is_diary or name != "*") and name not in self._instances:
+                whole = "" if is_diary else _with_instance(name, assignment.partition("=")[0], nodes)
                 message = f"unknown instance `{name}`" if whole else unknown("instance", name, self._instances)
                 hint = f"write the instance first, as in {whole}" if whole else ""
                 self._report.error("unknown-instance", message, origin, hint)
@@ -423,7 +425,7 @@ class _Planner:
             line, _ = self._model.source.position(quality.span.start)
             yield f"ports.{told}.qos={toml(qos_of(quality.settings, Report()))}", f"{network}:{line}"
         for assignment in self._overrides.of(node.name) if not node.instance.program else ():
-            yield assignment, f"--set {self._overrides.named(node.name, assignment)}"
+            yield assignment, self._overrides.option(node.name, assignment)
 
     def _carriers(self, node: Node) -> Mapping[str, Name]:
         """The middlewares of single links, by the port that uses; the command line counts more than they do."""

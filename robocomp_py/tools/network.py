@@ -12,7 +12,7 @@ from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
 from ..errors import RobocompError
 from ..printable import one_line
-from ..spelling import closest
+from ..spelling import closest, enumerated
 from ..transports.census import Told
 from ..wire import names
 from .announced import OWN, PROVIDERS
@@ -126,6 +126,11 @@ class Channel:
         """The hosts whose publishers a subscription to this topic does not hear: it is opened here, or by one scout."""
         via = self.via
         return list(dict.fromkeys(each.host for each in self.providers if each.via and each.via is not via))
+
+    @property
+    def left_out(self) -> str:
+        """What a subscription to this topic does not hear, for people; "" if it hears all."""
+        return f"what is published under this name on {enumerated(self.unheard)} is left out" if self.unheard else ""
 
     @property
     def options(self) -> Mapping[str, Any]:

@@ -112,6 +112,7 @@ def test_a_wrong_option_is_a_wrong_usage(name: str, capsys: Said) -> None:
         (("ecko",), "no command `ecko`; did you mean `echo`?"),
         (("bag", "mnd"), "did you mean `mend`?"),
         (("list", "--jsn"), "no option --jsn; did you mean --json?"),
+        (("list", "--top"), "no option --top; did you mean --topics?"),
         (("log", "wander", "dbug"), "did you mean `debug`?"),
         (("completion", "bsh"), "did you mean `bash`?"),
     ],
@@ -152,6 +153,14 @@ def test_a_contract_is_told_to_machines(talker: object, capsys: Said) -> None:
     (served,) = told["ends"]
     assert (served["role"], served["component"], served["middleware"]) == ("serves", "talker", "shm")
     assert re.fullmatch("[0-9a-f]{16}", served["fingerprint"])
+
+
+def test_an_operation_that_returns_nothing_prints_nothing(talker: object, capsys: Said) -> None:
+    call = ("call", "talker/Introspection/watch", "calls=false", "logs=false", "lease=0.1")
+    assert ended(*call) == 0
+    assert capsys.readouterr().out == ""
+    assert ended(*call, "--json") == 0
+    assert capsys.readouterr().out == "null\n"
 
 
 def test_a_declared_exception_is_told_to_machines(talker: object, capsys: Said) -> None:

@@ -353,6 +353,19 @@ def test_an_override_for_an_unknown_instance_is_reported_as_given(
     assert found.render() == f"--set {instance}.{assignment}: error[unknown-instance]: {said}"
 
 
+@pytest.mark.parametrize(
+    ("instance", "said"),
+    [
+        ("senzor", "unknown instance `senzor`; did you mean `sensor`?"),
+        ("*", "unknown instance `*`; known: driver, sensor"),
+    ],
+)
+def test_a_diary_of_an_unknown_instance_is_reported_as_given(folder: Path, instance: str, said: str) -> None:
+    override = Overrides(diaries=((instance, "component.diary='x.mcap'"),))
+    _, (found,) = plan(folder, "Component driver { }; Component sensor { };", override)
+    assert found.render() == f"--diary {instance}: error[unknown-instance]: {said}"
+
+
 def test_a_subscription_without_publisher_is_a_warning(folder: Path) -> None:
     found, diagnostics = plan(folder, "Component recorder { };")
     assert found is not None

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from robocomp_py.cli import rc
+from robocomp_py.cli.candidates import answered
 from robocomp_py.contract.goal import GoalState
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.actions import goals
@@ -137,6 +138,15 @@ def test_what_is_wrong_is_told(
     arguments: tuple[str, ...], code: int, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert why in complained(capsys, "action", *arguments, code=code)
+
+
+def test_fields_of_a_goal_are_completed() -> None:
+    def completed(line: str) -> list[str]:
+        return answered(rc.completer, [line], "bash")
+
+    assert completed("rc action send fly ") == ["target.x=", "target.y=", "steps="]
+    assert completed("rc action send pilot/Pilot/fly steps=3 target.") == ["target.x=", "target.y="]
+    assert completed("rc action send swim ") == []
 
 
 def test_a_goal_without_arguments_shows_what_it_takes(capsys: pytest.CaptureFixture[str]) -> None:

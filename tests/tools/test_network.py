@@ -71,8 +71,10 @@ def test_a_topic_of_several_hosts_tells_which_of_them_are_not_heard() -> None:
         ["arm"],
         "over near of base; what is published under this name on arm is left out",
     )
-    assert Network([here, base, arm]).topic("news").unheard == ["base", "arm"]
-    assert Network([here]).topic("news").unheard == Network([base]).topic("news").unheard == []
+    assert Network([here, base, arm]).topic("news").left_out == (
+        "what is published under this name on base and arm is left out"
+    )
+    assert Network([here]).topic("news").left_out == Network([base]).topic("news").left_out == ""
 
 
 def test_a_whole_name_means_only_its_own_channel() -> None:

@@ -253,6 +253,20 @@ def test_topics_of_another_host_are_printed_and_measured(capsys: pytest.CaptureF
 
 
 @pytest.mark.usefixtures("talker")
+@pytest.mark.parametrize("words", [("echo", "-n", "1"), ("hz", "--for", "1.2")])
+def test_publishers_of_the_same_name_that_are_not_heard_are_told(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with elsewhere.network("base", "robot"):
+        assert rc.main([*words, "news", "--middleware", "shm"]) == 0
+        left_out = "what is published under this name on base and robot is left out"
+        hint = "hear one host with --host base"
+        assert capsys.readouterr().err == f"rc {words[0]}: talker/Everything/news: {left_out}; {hint}\n"
+        assert rc.main([*words, "news", *THERE]) == 0
+        assert capsys.readouterr().err == ""
+
+
+@pytest.mark.usefixtures("talker")
 def test_a_command_that_listens_ends_when_the_host_is_lost(capsys: pytest.CaptureFixture[str]) -> None:
     with elsewhere.network("base") as network:
 

@@ -246,7 +246,8 @@ class Requests:
                     break
         if not messages:
             raise Unreachable(f"{channel.name}: no message came in {limit:g} s")
-        return {"topic": channel.name, "messages": messages}
+        left_out = {"left out": channel.left_out} if channel.left_out else {}
+        return {"topic": channel.name, "messages": messages, **left_out}
 
     def _read_parameters(self, arguments: Mapping[str, Any]) -> Any:
         network = self._census()

@@ -145,8 +145,11 @@ class Recording(Closing):
     ) -> Iterator[Recorded]:
         """In the order of their log times: of these topics, from `start` on and before `end`, in ns since 1970.
 
-        Raises RecordingError where a file is broken.
+        Raises RecordingError for a topic that is not in the recording, and where a file is broken.
         """
+        for each in names or ():
+            if each.removeprefix("/") not in self.topics:
+                raise RecordingError(not_recorded(self, each))
         several = [each.messages_of(names, start, end) for each in self.files]
         return several[0] if len(several) == 1 else heapq.merge(*several, key=lambda each: each.log_time)
 
@@ -353,7 +356,14 @@ def named(recording: Recording, name: str) -> list[str]:
     wanted = name.strip("/").split("/")
     found = [each for each in recording.topics if contains(each.split("/"), wanted)]
     if not found:
-        near = closest(name.strip("/"), {part for each in recording.topics for part in (each, *each.split("/"))})
-        hint = f"did you mean `{near}`?" if near else f"it has {', '.join(recording.topics) or 'no topics'}"
-        raise RecordingError(f"{recording.path}: `{name}` is not in it; {hint}")
+        raise RecordingError(not_recorded(recording, name, parts=True))
     return found
+
+
+def not_recorded(recording: Recording, name: str, *, parts: bool = False) -> str:
+    """The message for a topic that a recording does not have. With `parts`, a part of a name may be meant, too."""
+    topics = recording.topics
+    known = {part for each in topics for part in (each, *(each.split("/") if parts else ()))}
+    near = closest(name.strip("/"), known)
+    hint = f"did you mean `{near}`?" if near else f"it has {', '.join(topics) or 'no topics'}"
+    return f"{recording.path}: `{name}` is not in it; {hint}"

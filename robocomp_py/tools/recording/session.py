@@ -9,7 +9,6 @@ from typing import Any, Protocol
 
 from ...contract.interface import Pattern
 from ...errors import HostUnreachable, RobocompError
-from ...spelling import enumerated
 from ...transports.base import Heard as Headed
 from ...wire.codec import Payload
 from ..access import Access, Subscription
@@ -163,9 +162,7 @@ def listen_again(link: Subscription | None) -> None:
 def way_of(channel: Channel) -> str:
     """How a channel is heard, for people."""
     host = f" of {channel.via.host}" if channel.via else ""
-    others = (
-        f"; what is published under this name on {enumerated(channel.unheard)} is left out" if channel.unheard else ""
-    )
+    others = f"; {channel.left_out}" if channel.left_out else ""
     return f"over {channel.middlewares[0]}{host}{others}"
 
 

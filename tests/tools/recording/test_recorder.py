@@ -76,7 +76,17 @@ def test_parts_of_a_recording_are_read(tmp_path: Path) -> None:
     with Recording(tmp_path / "run") as recording:
         found = list(recording.messages(["hall/News/told"], 1 * 10**9, 3 * 10**9))
         assert [each.sequence for each in found] == [2, 3]
-        assert list(recording.messages(["hall/News/elsewhere"])) == []
+        assert len(list(recording.messages(["/hall/News/told"]))) == 5
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("hall/News/tolt", "did you mean `hall/News/told`?"), ("arm", "it has hall/News/told")]
+)
+def test_a_topic_that_is_not_in_a_recording_is_told(tmp_path: Path, name: str, hint: str) -> None:
+    filled(tmp_path / "run", Options(), 1)
+    with Recording(tmp_path / "run") as recording, pytest.raises(RecordingError) as told:
+        recording.messages([name])
+    assert str(told.value) == f"{tmp_path / 'run'}: `{name}` is not in it; {hint}"
 
 
 def test_the_folder_is_a_bag_of_ros(tmp_path: Path) -> None:
