@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from ..contract.goal import OCTETS, GoalState, NoResult
 from ..contract.interface import Action, Operation
-from ..errors import Busy, Cancelled, RobocompError, Timeout, TransportError, Unreachable
+from ..errors import Busy, Cancelled, RemoteFailure, RobocompError, Timeout, TransportError, Unreachable
 from ..runtime.ports import Proxy
 from ..transports.base import about_to_block
 from .goal import MOST_GOALS, Awaiting, Goal, Run, Times
@@ -67,7 +67,7 @@ class GoalClient:
                 raise Busy(f"{name}: {MOST_GOALS} goals of this component are not over")
             self._goals[goal.id] = action, goal, detached
         try:
-            self._ask(action.start, (goal.id, detached, *arguments), deadline)
+            self._ask(action, action.start, (goal.id, detached, *arguments), deadline)
         except BaseException as exc:
             self._forget(goal)
             if isinstance(exc, Busy):
@@ -118,11 +118,15 @@ class GoalClient:
                 log.debug("%r was not cancelled: %s", goal, exc)
                 return
 
-    def _ask(self, operation: Operation[Any], arguments: tuple[Any, ...], deadline: float | None) -> Any:
-        return self._bound[operation.name].ask(arguments, deadline)
+    def _ask(self, action: Action, part: Operation[Any], arguments: tuple[Any, ...], deadline: float | None) -> Any:
+        try:
+            return self._bound[part.name].ask(arguments, deadline)
+        except RobocompError as exc:
+            _name_action(exc, action, part)
+            raise
 
     def _cancel(self, action: Action, goal: Goal[Any, Any]) -> None:
-        goal._note(self._ask(action.cancel, (goal.id,), None))
+        goal._note(self._ask(action, action.cancel, (goal.id,), None))
 
     def _poll(self, action: Action, goal: Goal[Any, Any]) -> None:
         times = self._times
@@ -130,6 +134,7 @@ class GoalClient:
         try:
             answer: Future[Any] = self._bound[action.result.name].ask_async(arguments, times.slice + times.reply)
         except RobocompError as exc:
+            _name_action(exc, action, action.result)
             self._end(goal, GoalState.UNKNOWN, error=exc)
             return
         Future.add_done_callback(answer, partial(self._answered, action, goal))  # outside of the monitor
@@ -138,6 +143,8 @@ class GoalClient:
         if answer.cancelled():
             return
         error = answer.exception(0)
+        if isinstance(error, TransportError | RemoteFailure):
+            _name_action(error, action, action.result)
         match error:
             case None:
                 self._end(goal, GoalState.SUCCEEDED, answer.result(0))
@@ -171,6 +178,13 @@ class GoalClient:
     def _forget(self, goal: Goal[Any, Any]) -> None:
         with self._lock, contextlib.suppress(KeyError):
             del self._goals[goal.id]
+
+
+def _name_action(error: RobocompError, action: Action, part: Operation[Any]) -> None:
+    """Let an error name the action, and not the part of it that was asked."""
+    error.args = tuple(each.replace(part.name, action.name) if isinstance(each, str) else each for each in error.args)
+    if isinstance(error, RemoteFailure):
+        error.operation = error.operation.replace(part.name, action.name)
 
 
 def _hold(goal: Goal[Any, Any]) -> None:

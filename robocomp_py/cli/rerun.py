@@ -124,7 +124,7 @@ def _print(result: Result, took: float, options: argparse.Namespace) -> None:
     if more := len(result.differences) - len(differences):
         print(f"… {more} more; --all prints them")
     if result.is_parted:
-        print("from there on it does something else, so that the rest cannot be compared")
+        print("from there on, the component does something else; the rest cannot be compared")
     for what in dict.fromkeys(result.left_out):
         print(f"not run again: {one_line(what)}")
     fast = f", {result.seconds / took:.0f} times as fast" if took and result.seconds > took else ""

@@ -234,14 +234,14 @@ class Topic(Described):
     def publish(self, *values: Any, **named: Any) -> None:
         """Publish a message under the name of this topic. The first call waits until its subscribers are connected.
 
-        Subscribers on other hosts are connected anew by each call. Raises Refused with the keys of an operator.
+        Raises Refused with the keys of an operator.
         """
         limit = self._deadline(named)
         arguments = self._arguments(values, named)
         self._session.check_publishing(self._addressed)
         if any(way.via for way in self._addressed.ways):
             try:
-                publish(self._session.access, self._addressed, arguments, limit)
+                publish(self._session.access, self._addressed, arguments, limit, keep=True)
             except RobocompError:
                 del self._addressed
                 raise

@@ -292,7 +292,7 @@ class ScoutLine:
         try:
             said = json.loads(answer["heard"])
         except (ValueError, RecursionError) as exc:
-            raise DeploymentError(f"{self._host}: its scout says what is not understood") from exc
+            raise DeploymentError(f"{self._host}: the answer of its scout is not understood") from exc
         return said if isinstance(said, dict) else {}
 
     def close(self) -> None:

@@ -147,7 +147,7 @@ class Terminal(Display):
         number = sum(len(each.instances) for each in self._plan.processes)
         ready = sum(len(each.instances) for each in self._plan.processes if self._states[each.name] is State.READY)
         if ready == number:
-            whole = "the component" if number == 1 else f"all {number} components"
+            whole = {1: "the component", 2: "both components"}.get(number, f"all {number} components")
             self._say(f"{whole} of {self._plan.name} {'is' if number == 1 else 'are'} ready", "bold green")
         else:
             self._say(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -33,6 +33,9 @@ from ..wire.codec import Codec, Payload
 from . import far
 from .network import TOOL, Channel, Way
 from .thrown import ThrownError as ThrownError
+
+MOST_KEPT = 100
+"""Links to topics that stay open between messages."""
 
 
 class Subscription(Protocol):
@@ -62,6 +65,8 @@ class Access(Closing):
         self._opening = threading.Lock()
         self._kept: dict[tuple[str, str, int], tuple[Caller, Call[Any]]] = {}
         """Links of queries that are called again; closed with their transports."""
+        self._sending: dict[Hashable, tuple[Outlet, Call[Any]]] = {}
+        """Links of topics that are published to again, the least recently used first."""
         self._end = contextlib.ExitStack()
 
     def close(self) -> None:
@@ -173,6 +178,27 @@ class Access(Closing):
             base.require(transport, way.middleware, path)
         return transport.outlet(path), Call(channel.operation, transport.codec)
 
+    @contextlib.contextmanager
+    def outlet_again(self, channel: Channel, way: Way, qos: QoS | None = None) -> Iterator[tuple[Outlet, Call[Any]]]:
+        """As `outlet`, for a topic that is published to again and again: the link stays open until sending fails, or
+        until more than `MOST_KEPT` other ones are open."""
+        key = (channel.name, next(iter(channel.texts)), way.middleware, str(qos), _spelled(way.options))
+        with self._opening:
+            kept = self._sending.pop(key, None)  # one thread uses it at a time
+        outlet, call = kept or self.outlet(channel, way, qos)
+        try:
+            yield outlet, call
+        except BaseException:
+            outlet.close()
+            raise
+        with self._opening:
+            old = [self._sending.pop(key, None)]
+            self._sending[key] = outlet, call
+            if len(self._sending) > MOST_KEPT:
+                old.append(self._sending.pop(next(iter(self._sending))))
+        for each in filter(None, old):
+            each[0].close()
+
     def sender(
         self, middleware: str, name: str, pattern: Pattern, operation: Operation[Any], qos: QoS
     ) -> tuple[Outlet, Codec]:
@@ -222,13 +248,17 @@ class Access(Closing):
         return self._transport(channel.middlewares[0], channel.options)
 
     def _transport(self, middleware: str, options: Mapping[str, Any] | None = None) -> Transport:
-        key = middleware, json.dumps(options or {}, sort_keys=True, default=str)
+        key = middleware, _spelled(options or {})
         with self._opening:
             if key not in self._transports:
                 config = TransportConfig(options or {}, owner=TOOL)
                 self._transports[key] = transport = find_transport(middleware)(config)
                 self._end.callback(transport.close)
             return self._transports[key]
+
+
+def _spelled(options: Mapping[str, Any]) -> str:
+    return json.dumps(options, sort_keys=True, default=str)
 
 
 def _key(channel: Channel) -> tuple[str, str, int]:

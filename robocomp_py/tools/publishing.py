@@ -41,12 +41,15 @@ def publish(
     most: int | None = 1,
     qos: QoS | None = None,
     latched: bool = False,
+    keep: bool = False,
     over: threading.Event = _NEVER,
 ) -> None:
     """Send a message `most` times, `rate` times a second (once a second by default), or for ever if `most` is None.
 
     Subscribers have `within` seconds to connect. `qos` is what is offered, by default the same as the publishers of the
     topic offer. Ends early once `over` is set.
+
+    To `keep` the links to subscribers saves their next message the time to connect.
 
     If it is `latched`, there need not be a subscriber: those that come later get the last message, until `over` is set.
 
@@ -61,11 +64,12 @@ def publish(
     answers: Answers = queue.SimpleQueue()
     with contextlib.ExitStack() as links:
         here = (way for way in ways if way.via is None)
-        outlets = [_connected(access, channel, way, within, qos, links, latched=latched) for way in here]
+        outlets = [_connected(access, channel, way, within, qos, links, latched=latched, keep=keep) for way in here]
         posts = dict.fromkeys(way.via for way in ways if way.via)
         for post in posts:
             middlewares = [way.middleware for way in ways if way.via is post]
-            question = _question(channel, values, within, rate, most, middlewares) | {"latched": latched}
+            question = _question(channel, values, within, rate, most, middlewares)
+            question |= {"latched": latched, "keep": keep}
             links.enter_context(post.following("publish", partial(_put, answers, post), **question))
         left = set(posts)
         for _ in _beats(pace, most, over) if outlets else ():
@@ -92,10 +96,14 @@ def _connected(
     links: contextlib.ExitStack,
     *,
     latched: bool,
+    keep: bool,
 ) -> tuple[Outlet, Call[Any]]:
     """A link to subscribers that are there, and what encodes its messages."""
-    outlet, call = access.outlet(channel, way, qos)
-    links.callback(outlet.close)
+    if keep:
+        outlet, call = links.enter_context(access.outlet_again(channel, way, qos))
+    else:
+        outlet, call = access.outlet(channel, way, qos)
+        links.callback(outlet.close)
     if latched and not channel.users:
         return outlet, call
     if not outlet.wait_peer(within):

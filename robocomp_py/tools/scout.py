@@ -11,7 +11,7 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
                                                          call a query, or send a command
     {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100,
-        "latched": false}
+        "latched": false, "keep": false}
                                                          publish to subscribers of a topic
     {"id": 1, "do": "clock"}                             what time it is there
     {"id": 1, "do": "leftovers", "middlewares": ["shm"]}
@@ -167,16 +167,31 @@ class _Place:
         self._seen: dict[tuple[str, ...], tuple[float, Network]] = {}
 
     def channel(self, question: Message) -> Channel:
-        """The channel that a question names whole, by a census that is not older than a second. Raises ValueError."""
-        name, key = str(question["channel"]), tuple(_middlewares(question))
+        """The channel that a question names whole. Raises ValueError."""
+        name = str(question["channel"])
+
+        def served(network: Network) -> Channel:
+            if name not in network.channels or not network.channels[name].providers:
+                raise ValueError(f"no component serves {name}")
+            return network.channels[name]
+
+        return self._found(question, served)
+
+    def topic(self, question: Message) -> Channel:
+        """The topic that a question names whole. Raises ValueError."""
+        return self._found(question, lambda network: network.topic(str(question["channel"])))
+
+    def _found(self, question: Message, find: Callable[[Network], Channel]) -> Channel:
+        """What a census has that is not older than a second, or else a new one. Raises ValueError."""
+        key = tuple(_middlewares(question))
         with self._lock:
             at, network = self._seen.get(key, (0.0, None))
-            if network is None or name not in network.channels or time.monotonic() - at > _RECENT:
-                network = _seen(question)
-                self._seen = {key: (time.monotonic(), network)}
-        if name not in network.channels or not network.channels[name].providers:
-            raise ValueError(f"no component serves {name}")
-        return network.channels[name]
+            if network is not None and time.monotonic() - at <= _RECENT:
+                with contextlib.suppress(ValueError):
+                    return find(network)
+            network = _seen(question)
+            self._seen = {key: (time.monotonic(), network)}
+        return find(network)
 
 
 class _Window:
@@ -296,14 +311,16 @@ def _call(place: _Place, question: Message, answer: Answer, over: threading.Even
 def _publish(place: _Place, question: Message, answer: Answer, over: threading.Event) -> None:
     from .publishing import publish
 
-    channel = _seen(question).topic(str(question["channel"]))
-    latched = question.get("latched") is True
+    latched, keep = question.get("latched") is True, question.get("keep") is True
+    channel = place.topic(question) if keep else _seen(question).topic(str(question["channel"]))
     if not channel.users and not latched:
         raise Unreachable(f"nothing subscribes to {channel.name}")
     values_ = values.take_fields(channel.operation.inputs, question["arguments"], channel.operation.name)
     qos = from_traits(traits) if (traits := str(question.get("traits") or "")) else None
     within, rate, most = float(question["within"]), question.get("rate"), question.get("most")
-    publish(place.access, channel, values_, within, rate=rate, most=most, qos=qos, latched=latched, over=over)
+    publish(
+        place.access, channel, values_, within, rate=rate, most=most, qos=qos, latched=latched, keep=keep, over=over
+    )
 
 
 def _seen(question: Message) -> Network:

@@ -93,6 +93,29 @@ def test_a_signal_ends_a_command_without_a_traceback(number: signal.Signals, cod
     assert (running.returncode, said) == (code, ("", ""))
 
 
+INTERRUPTED_IMPORT = """
+import signal, sys
+from robocomp_py.cli import entry
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background begins with it ignored
+
+class Finder:
+    def find_spec(name, path, target=None):
+        if name == "robocomp_py.cli.{name}":
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Finder)
+raise SystemExit(entry.{name}())
+"""
+
+
+@pytest.mark.parametrize("name", ["rc", "rcdeploy", "rcgen"])
+def test_ctrl_c_ends_a_command_quietly_while_it_is_imported(name: str) -> None:
+    command = [sys.executable, "-c", INTERRUPTED_IMPORT.format(name=name)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_what_cleans_up_is_not_ended_by_another_signal() -> None:
     cleaned = []
 

@@ -117,7 +117,7 @@ def test_a_network_is_started_in_order_run_for_a_while_and_stopped(folder: Path)
     result = run(folder / "net.ddsl", "--for", 0.3)
     assert result.returncode == 0, result.stdout + result.stderr
     said = result.stdout
-    steps = ["hello │ ready", "asker │ ready", "all 2 components of net are ready", "time limit reached", "Hello, Ada!"]
+    steps = ["hello │ ready", "asker │ ready", "both components of net are ready", "time limit reached", "Hello, Ada!"]
     assert [step for step in steps if step in said] == steps
     assert said.index("hello │ ready") < said.index("asker │ ready")
     assert said.index("time limit reached") < said.index("asked: Hello, Ada!"), (

@@ -68,7 +68,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 def test_it_returns_when_everything_is_ready_and_says_how_to_go_on(house: Running) -> None:
     assert house.started.returncode == 0, house.started
-    assert "all 2 components of house are ready" in house.started.stdout
+    assert "both components of house are ready" in house.started.stdout
     assert f"house is running (process {house.pid}); status: rcdeploy status {house.path}" in house.started.stdout
     assert f"to stop it: rcdeploy down {house.path}" in house.started.stdout
 
@@ -105,11 +105,11 @@ def test_what_was_printed_can_be_read_later(house: Running, capsys: Said) -> Non
     assert rcdeploy(["logs", house.path]) == 0
     said = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert [line[13:].strip() for line in said if " prints |" in line] == ["prints | one", "prints | two"]
-    assert any(line.endswith(" rcdeploy | all 2 components of house are ready") for line in said)
+    assert any(line.endswith(" rcdeploy | both components of house are ready") for line in said)
     assert rcdeploy(["logs", house.path, "prints", "-n", "1"]) == 0
     assert capsys.readouterr().out[13:] == "prints | two\n"
     assert rcdeploy(["logs", house.path, "rcdeploy"]) == 0
-    assert capsys.readouterr().out.endswith("rcdeploy | all 2 components of house are ready\n")
+    assert capsys.readouterr().out.endswith("rcdeploy | both components of house are ready\n")
 
 
 def test_what_an_agent_has_done_can_be_read_and_followed_while_it_runs(house: Running, capsys: Said) -> None:

@@ -224,7 +224,7 @@ def test_a_network_can_be_one_process_with_messages_inside_it(
 def test_a_killed_process_is_reported_once_with_all_that_were_in_it(folder: Path) -> None:
     path = network(folder, INSIDE.replace("Component brief { process body; dependences asking; };", ""))
     with running("rcdeploy", path) as deployer:
-        deployer.wait_for("all 2 components of net are ready")
+        deployer.wait_for("both components of net are ready")
         children = Path(f"/proc/{deployer.pid}/task/{deployer.pid}/children").read_text().split()
         [pid] = [int(pid) for pid in children if b"--name\0asking" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         os.kill(pid, signal.SIGKILL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import re
 import subprocess
@@ -475,6 +476,16 @@ def test_what_is_wrong_with_a_goal_is_told_under_the_name_of_its_action(pilot: A
         with pytest.raises((TypeError, EncodeError, AttributeError)) as raised:
             wrong()
         assert re.search(r"Pilot[./]fly: ", str(raised.value))
+
+
+def test_a_server_that_leaves_is_told_under_the_name_of_its_action(own_runtime_folder: Path, tmp_path: Path) -> None:
+    with contextlib.ExitStack() as end:
+        with flying(tmp_path):
+            pilot = end.enter_context(connect(middleware="shm")).wait("pilot/Pilot", SOON)
+            goal = pilot.fly((1, 2), 100_000)
+        for ask in (goal.result, lambda limit: pilot.fly((1, 2), 1, deadline=0.1).result(limit)):
+            with pytest.raises((Unreachable, Timeout), match=r"Pilot[./]fly: "):
+                ask(SOON)
 
 
 def test_an_action_is_shown_as_one(pilot: Any) -> None:

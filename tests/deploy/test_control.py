@@ -590,7 +590,7 @@ def test_lines_of_a_scout_and_its_tool_are_passed_on(running: Running) -> None:
         answers = [line.told() for _ in range(BEHIND_OF_SCOUTS + 1)]
         assert answers == [{}] * BEHIND_OF_SCOUTS + [{"dropped": 3}]
         running.call(lambda: scout.hear("nonsense"))
-        with pytest.raises(DeploymentError, match="base: its scout says what is not understood"):
+        with pytest.raises(DeploymentError, match="base: the answer of its scout is not understood"):
             line.told()
     finally:
         line.close()

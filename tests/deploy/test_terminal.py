@@ -77,7 +77,7 @@ def test_without_a_terminal_there_are_lines_with_names_and_nothing_else(place: P
     watched(made, Standing(process("laser"), process("arm")), deed)
     assert shown(made).splitlines() == [
         f"{NOON} laser │ ready",
-        f"{NOON} rcdeploy │ all 2 components of house are ready",
+        f"{NOON} rcdeploy │ both components of house are ready",
         f"{NOON} rcdeploy │ arm ended with exit code 3",
         f"{NOON} rcdeploy │ stopping: asked to",
     ]

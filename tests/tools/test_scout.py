@@ -427,6 +427,24 @@ def test_a_subscriber_of_another_host_that_is_gone_is_told(own_runtime_folder: A
             publish(access, gone, (7, "boo"), 1.0)
 
 
+def test_a_link_on_another_host_is_kept_for_the_next_message(own_runtime_folder: Any, post: Post) -> None:
+    def publishers() -> list[End]:
+        channel = take_census(["shm"]).channels.get("phantom/Everything/news")
+        return channel.providers if channel else []
+
+    told = Told("listener", 1, "subscribes", "phantom/Everything/news", e.news.fingerprint, e.news.text)
+    topic = Channel("phantom/Everything/news", Pattern.PUBLISH, [End("shm", told, "base", post)])
+    with running(make(Listener, find_transport, "middleware=shm", name="listener")) as worker, Access() as access:
+        wait_until(lambda: any(each.uses for each in take_census(["shm"]).components()))
+        publish(access, topic, (1, "once"), SOON)
+        assert publishers() == []
+        for number in (2, 3):
+            publish(access, topic, (number, "kept"), SOON, keep=True)
+            (kept,) = publishers()
+            assert kept.told.owner == "rc"
+        wait_until(lambda: {"2 kept", "3 kept"} <= set(worker.entries))
+
+
 def test_a_message_is_latched_on_another_host_until_its_end(own_runtime_folder: Any, post: Post) -> None:
     over = threading.Event()
     with running(make(Talker, find_transport, "middleware=shm", name="talker")), Access() as access:
@@ -533,7 +551,7 @@ def test_what_a_scout_tells_of_its_machine_is_checked() -> None:
         ("host0", (Left("shm", 1, 2),), (Process(7, 3, 1024, "T"),))
     ]
     assert 50 < found[0].offset < 70
-    assert troubles == [f"host{number}: its scout says what is not understood" for number in range(1, len(posts))]
+    assert troubles == [f"host{number}: the answer of its scout is not understood" for number in range(1, len(posts))]
 
 
 @pytest.mark.usefixtures("own_runtime_folder", "calculator")

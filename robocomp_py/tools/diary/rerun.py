@@ -265,7 +265,7 @@ class _Again:
         was, now = event.get("error"), more.get("error")
         self._result.outputs += bool(was or now or (operation and operation.outputs))  # exceptions go out, too
         if _short(was) != _short(now):
-            self._differ(event, call, _failed(was), _failed(now))
+            self._note(event, f"{call} {_outcomes(was, now)}")
         elif operation and not now and event.get("data") != more.get("data"):
             with as_broken(self._diary.path, event):
                 what = _compared(operation.outputs, operation, event.get("data"), more.get("data"), response=True)
@@ -431,8 +431,12 @@ def _short(error: dict[str, Any] | None) -> tuple[Any, ...] | None:
     return (error.get("kind"), error.get("text"), error.get("data")) if error else None
 
 
-def _failed(error: dict[str, Any] | None) -> str:
-    return f"{error.get('kind')}: {error.get('text')}" if error else "fine"
+def _outcomes(was: dict[str, Any] | None, now: dict[str, Any] | None) -> str:
+    """How a call ended before, and how it ends now, if one of both is an error."""
+    before, after = (f"{each.get('kind')}: {each.get('text')}" if each else "" for each in (was, now))
+    if not before:
+        return f"did not fail, now it fails with {after}"
+    return f"failed with {before}, now " + (f"with {after}" if after else "it does not fail")
 
 
 def _compared(fields: Any, operation: Operation[Any], was: Any, now: Any, *, response: bool = False) -> str:
@@ -440,7 +444,7 @@ def _compared(fields: Any, operation: Operation[Any], was: Any, now: Any, *, res
     message = operation.response if response else operation.request
     before, after = (None if each is None else coding.decoded(message, each) for each in (was, now))
     if before is None or after is None:
-        return f" was {'wrong' if before is None else 'fine'}, is {'wrong' if after is None else 'fine'}"
+        return " did not fit its contract, now it does" if before is None else " fitted its contract, now it does not"
     return _first(tuple(fields), before, after)
 
 

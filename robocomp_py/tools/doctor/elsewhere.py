@@ -43,7 +43,7 @@ def places(left: Mapping[Post, Any], middlewares: Sequence[str], seen: Seen) -> 
         except RobocompError as exc:
             troubles.append(str(exc))
         except (TypeError, ValueError, LookupError):
-            troubles.append(f"{post.host}: its scout says what is not understood")
+            troubles.append(f"{post.host}: the answer of its scout is not understood")
     return found, troubles
 
 

@@ -180,7 +180,7 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
         "security open; middleware zeromq;",
     )
     run = site.run("--insecure", net)
-    run.says("all 2 components")
+    run.says("both components")
     found = [json.loads(line) for line in site.rc("list", "--json").lines]
     assert [(each["owner"], each["host"]) for each in found] == [("echo", "robot"), ("other", "base")]
     heard = [json.loads(line) for line in site.rc("echo", "other/Tick", "-n", "2", "--json").lines]
@@ -213,7 +213,7 @@ def test_tools_measure_publish_record_and_script_over_hosts(site: Site, middlewa
         f"security open; middleware {middleware};",
     )
     run = site.run("--insecure", net)
-    run.says("all 2 components")
+    run.says("both components")
     measured = [json.loads(line) for line in site.rc("hz", "echo/Tick", "--for", "1.5", "--json").lines]
     assert (measured[-1]["channel"], measured[-1]["missing"]) == ("echo/Tick/tick", 0)
     assert measured[-1]["hz"] > 1
@@ -246,7 +246,7 @@ def test_the_monitor_draws_hosts_and_shows_one_that_is_lost_until_it_is_back(sit
         "security open; middleware zeromq;",
     )
     run = site.run("--insecure", net)
-    run.says("all 2 components")
+    run.says("both components")
     monitor = site.beginning("monitor", "Lab", "--every", "0.3")
     monitor.says(r"http://\S+")
     (tmp_path / "browser").mkdir()
@@ -358,7 +358,7 @@ def test_a_host_that_dies_is_reported_and_the_network_still_ends(site: Site):
     site.host("base")
     net = site.network("Component echo : Echo { host robot; }; Component other : Echo { host base; };")
     run = site.run("--insecure", net)
-    run.says("all 2 components")
+    run.says("both components")
     robot.die()
     run.says("robot.* (out of reach|lost)")
     run.signal(signal.SIGINT)
@@ -391,7 +391,7 @@ def test_what_a_user_stops_on_a_host_stays_so_after_a_cut_until_it_is_started(si
         "Component other : Echo { host robot; restart on_failure; };"
     )
     run = site.run("--insecure", net)
-    run.says("all 2 components of Lab are ready")
+    run.says("both components of Lab are ready")
     stopped = site.done("stop", net, "echo")
     assert (stopped.code, "echo is stopped" in stopped.text) == (0, True), stopped.text
     assert not site.echoes("robot")
