@@ -157,7 +157,7 @@ def _list(at: _At, options: argparse.Namespace) -> int:
     if rows and not options.json:
         print_table(("component", "parameter", "value", ""), rows, wrapped=("value",))
     if not rows:
-        raise Absent("no component here has parameters" if not options.component else "it has no parameters")
+        raise Absent(f"{options.component or 'no component here'} has {'no ' if options.component else ''}parameters")
     return FINE
 
 

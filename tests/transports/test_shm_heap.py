@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 import random
 import subprocess
 import sys
@@ -274,21 +274,32 @@ def test_an_answer_can_be_read_when_its_server_has_closed_meanwhile(
     wait_until(lambda: number not in here.node.heaps.known())
 
 
-def test_a_heap_of_a_killed_process_is_removed_by_one_that_lives(here: ShmTransport) -> None:
-    program = (
-        "import os, signal\n"
-        "from robocomp_py.transports.base import TransportConfig\n"
-        "from robocomp_py.transports.shm.transport import ShmTransport\n"
-        "ShmTransport(TransportConfig())\n"
-        "os.kill(os.getpid(), signal.SIGKILL)\n"
-    )
-    heaps = lambda: set(Path("/dev/shm").glob(node.prefix(runtime_dir() / "shm") + "*.heap"))  # noqa: E731
-    ours = heaps()
-    assert len(ours) == 1
-    subprocess.run([sys.executable, "-c", program], check=False, timeout=SOON * 3, env=os.environ)
-    assert len(heaps()) == 2
-    here.node.bury()
-    assert heaps() == ours
+LIVING = """
+import sys
+from pathlib import Path
+from robocomp_py.transports.shm.node import Node
+node = Node(Path(sys.argv[1]), int(sys.argv[2]))
+print("ready", flush=True)
+input()
+"""
+
+
+def test_heaps_of_killed_processes_are_removed_one_by_one_by_a_node_that_lives(own_runtime_folder: Path) -> None:
+    folder, pipe = own_runtime_folder / "apart", subprocess.PIPE
+    folder.mkdir()
+    heaps = lambda: set(Path("/dev/shm").glob(f"{node.prefix(folder)}*.heap"))  # noqa: E731
+    with contextlib.closing(node.Node(folder, 1)) as living, contextlib.ExitStack() as ends:
+        ours = heaps()
+        assert len(ours) == 1
+        commands = [[sys.executable, "-c", LIVING, str(folder), str(number)] for number in (2, 3)]
+        others = [ends.enter_context(subprocess.Popen(each, stdin=pipe, stdout=pipe)) for each in commands]
+        assert [each.stdout.readline() for each in others if each.stdout] == [b"ready\n"] * 2
+        for each in others:
+            each.kill()
+            each.wait()
+        assert living.bury(), "it removes what one of them has left"
+        assert not living.bury()
+        assert heaps() == ours
 
 
 @pytest.mark.tool

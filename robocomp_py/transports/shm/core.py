@@ -64,7 +64,7 @@ class ShmCore(ServingTransport):
         self._numbers = 0
         self._lines = 0
         self._wakers: dict[str, Waker] = {}
-        self._bury_at = 0.0
+        self._bury_at, self._is_burying = 0.0, False
         self._was_short = False
         """Whether this process could open no file at the last look."""
         self._settled = self._settled_together = math.inf
@@ -237,10 +237,13 @@ class ShmCore(ServingTransport):
             self.node.heaps.forget_left()
             self.node.heap.tidy()
         if self._bury_at and time.monotonic() >= self._bury_at:
-            self._bury_at = 0.0
-            self.node.bury()
-            sweep(self.served)
-            self._known = -1  # publishers release readers that have gone at their next look
+            self._bury_at, self._is_burying = 0.0, True
+        if self._is_burying:
+            self._is_burying = self.node.bury()
+            waits.append(0.0)
+            if not self._is_burying:
+                sweep(self.served)
+                self._known = -1  # publishers release readers that have gone at their next look
         if self._bury_at:
             waits.append(max(0.0, self._bury_at - time.monotonic()))
         usual = self.directory.pause or IDLE_TICK if self._known == version else TICK

@@ -73,6 +73,8 @@ class Node:
     def __init__(self, folder: Path, number: int) -> None:
         self.folder, self._root = folder, folder / "i"
         self._family, self._secret = prefix(folder), folder / "secret"
+        self._dead: list[Any] = []
+        """Nodes of killed processes, whose remains are not removed yet."""
         length = len(os.fsencode(folder.parent))
         if length > _LONGEST_FOLDER:
             raise ConfigurationError(
@@ -169,12 +171,24 @@ class Node:
             self._secret.unlink(missing_ok=True)
         return True
 
-    def bury(self) -> None:
-        """Remove what killed processes have left. Their samples and ports do not count any more."""
-        if self._node is not None:
+    def bury(self) -> bool:
+        """Remove what one killed process has left. Its samples and ports do not count any more.
+
+        Returns whether others may have left something, too. iceoryx2 holds the interpreter meanwhile, 5 ms or more for
+        each process, so the caller can do other things in between.
+        """
+        if self._node is None:
+            return False
+        if not self._dead:
             with contextlib.suppress(*_FAILURES):  # another one is doing so
-                self._node.try_cleanup_dead_nodes()
+                found = iceoryx2.Node.list(iceoryx2.ServiceType.Ipc, self._config)
+                self._dead = [each[0] for each in found if isinstance(each, iceoryx2.NodeState.Dead)]
+        if self._dead:
+            with contextlib.suppress(*_FAILURES):
+                self._dead.pop().try_remove_stale_resources()
+        if not self._dead:
             remove_dead(self._prefix)
+        return bool(self._dead)
 
     def new_queue(self, name: str, depth: int, share: int, writers: int, *, lossy: bool) -> Any:
         """One of which we are the reader. With `lossy`, one that is full gives up its oldest message."""
