@@ -26,6 +26,7 @@ from ...contract.component import Port
 from ...contract.interface import Operation
 from ...contract.statemachine import StateMachine, label
 from ...errors import ComponentError, TransportError
+from ...runtime.clock import Real
 from ...runtime.document import Document
 from ...runtime.lifecycle import Beat
 from ...runtime.trace import frames_in, times_more, user_trace, way_of
@@ -203,6 +204,11 @@ class ExistingWorker(Worker[Any]):
         Worker.period.__set__(self, seconds)  # type: ignore[attr-defined]  # a property, to mypy a function
 
     def initialize(self) -> None:
+        if not isinstance(self._clock, Real):
+            self.log.warning(
+                "its timers and `time.sleep` follow the machine's clock, not the time of this run; a component that "
+                "RoboComp's generators made works in real time only"
+            )
         texts, tables = entries(self._document or Document(), self._period)
         proxies = {key: proxy for port, proxy in self._proxies() for key in spellings.keys(port)}
         given = {"proxies": proxies, "tables": tables, "texts": texts, "no": False}
