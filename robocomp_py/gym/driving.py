@@ -190,6 +190,7 @@ class SceneDriver:
         self._network = provided([part])
         self._simulation: Simulation | None = None
         self._methods: dict[str, Callable[..., Any]] = {}
+        self._observers: list[tuple[str, Provided, Callable[..., Any]]] = []
 
     @property
     def simulation(self) -> Simulation:
@@ -221,6 +222,7 @@ class SceneDriver:
         if not self._ticks or abs(self._ticks * world.tick - self._seconds) > 1e-9:
             raise ValueError(f"a step of {self._seconds:g} s: it has to be a multiple of the tick, {world.tick:g} s")
         self._methods = {}
+        self._observers = [(name, self._network[name], self._observer(name)) for name in self._observed]
 
     def call(self, name: str, inputs: Values) -> Any:
         return self._method(name)(*inputs)
@@ -235,7 +237,14 @@ class SceneDriver:
         self._worker.world.step(self._ticks)
 
     def observe(self) -> dict[str, Values]:
-        return {name: results(self._network[name], self._method(name)()) for name in self._observed}
+        return {name: results(each, observer()) for name, each, observer in self._observers}
+
+    def _observer(self, name: str) -> Callable[..., Any]:
+        """The handler of an operation, or the one that returns an array of records in the place of many objects."""
+        method = self._method(name)
+        handlers, operation = getattr(method, "__self__", None), getattr(method, "__name__", "")
+        found: Callable[..., Any] = getattr(handlers, f"{operation}_records", method)
+        return found
 
     def _method(self, name: str) -> Callable[..., Any]:
         """The handler of an operation."""

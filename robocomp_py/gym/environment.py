@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, SupportsFloat
@@ -159,14 +160,14 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         if self._is_over:
             raise ValueError("the episode is over: call `reset`")
         chosen = np.asarray(action, np.float32)
-        if chosen.shape != (self._size,) or not np.isfinite(chosen).all():
+        if chosen.shape != (self._size,) or not all(map(math.isfinite, chosen.tolist())):
             raise ValueError(f"{action} is no action, which has {self._size} finite numbers")
         taken = iter(chosen.tolist())
         self._driver.step({each.name: each.arguments(taken) for each in self._actions})
         before, self._now = self._now, self._observed()
         self._is_over = bool(self._ended(self._now))
         reward = self._reward(before, chosen, self._now)
-        if not isinstance(reward, SupportsFloat):
+        if not isinstance(reward, float | SupportsFloat):  # the latter alone takes 20 times as long
             raise TypeError(f"reward: it returned {reward!r}, which is not a number")
         return _copied(self._now), float(reward), self._is_over, False, {}
 

@@ -143,6 +143,7 @@ class Observation:
         self._readers = [_reader(each.steps) for each in found]
         self.dtype: np.dtype[Any] = np.dtype(np.uint8) if kind is BOOL else _dtype(kind)
         self.low, self.high = _bounds(name, kind, bounds)
+        self._low, self._high = np.array(self.low, self.dtype), np.array(self.high, self.dtype)
 
     def of(self, values: Sequence[Any]) -> Array:
         """From the values of a message; a new array. Numbers out of bounds become the nearest bound.
@@ -152,9 +153,11 @@ class Observation:
         message = dict(zip(self._fields, values, strict=True))
         read = [np.array(reader(message), self.dtype).ravel() for reader in self._readers]
         made: Array = read[0] if len(read) == 1 else np.concatenate(read)
-        if made.dtype.kind == "f" and np.isnan(made).any():
+        np.minimum(made, self._high, out=made)  # `np.clip` takes three times as long for so few numbers
+        np.maximum(made, self._low, out=made)
+        if made.dtype.kind == "f" and math.isnan(np.maximum.reduce(made, initial=self.low)):
             raise ValueError(f"{self.name} is NaN: it cannot be observed")
-        return np.clip(made, self.low, self.high, out=made)
+        return made
 
 
 def _number(name: str, path: str, kind: Type) -> Primitive | Enumeration:

@@ -29,6 +29,10 @@ class Pose(NamedTuple):
     """rad, to the right; not normalised."""
 
 
+Three = tuple[float, float, float]
+"""A `Pose` or a `Speed`, or its numbers only, which take less time to make."""
+
+
 @dataclass(slots=True)
 class Drive:
     """What a base was told, and where it believes to be."""
@@ -36,23 +40,21 @@ class Drive:
     speed: Speed
     expires: int | None
     """The tick at which it stops unless it is told again; None: never."""
-    odometry: Pose
-    corrected: Pose
+    odometry: Three
+    corrected: Three
     """The last correction, moved on by the odometry since."""
 
 
-Three = tuple[float, float, float]
-"""A `Pose` or a `Speed`, or its numbers only, which take less time to make."""
-
-
-def moved(pose: Three, speed: Three, time: float) -> Pose:
+def moved(pose: Three, speed: Three, time: float) -> Three:
     """Where a base is after some seconds of constant speed: exact, since it drives along an arc of a circle."""
     (x, z, turned), (ahead, aside, turn) = pose, speed
     half = turn * time / 2
     chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
     sine, cosine = sin(turned + half), cos(turned + half)
-    return Pose(
-        x + chord * (ahead * sine + aside * cosine), z + chord * (ahead * cosine - aside * sine), turned + turn * time
+    return (
+        x + chord * (ahead * sine + aside * cosine),
+        z + chord * (ahead * cosine - aside * sine),
+        turned + turn * time,
     )
 
 

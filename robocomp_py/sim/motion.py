@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-import math
 import operator
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ from .bases import Drive, Speed, Three, between, in_parent, moved
 from .build import Base
 from .falling import DEEPEST, EVERY, caught
 from .joints import moved as motor_moved
-from .noise import normal
+from .noise import normals
 from .servos import lag
 from .speeds import speed_of
 from .state import FARTHEST, State
@@ -26,6 +26,9 @@ _LEAST_FACTOR = 0.01
 
 TOUCH = 1e-9
 """How much deeper than before a shape of a base may be in another one, m."""
+
+_AT_ONCE = 200
+"""The most ticks for which the noise of a base is computed at once."""
 
 _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
@@ -52,14 +55,14 @@ class Motion(State):
         """Go on by some ticks."""
         if count < 0:
             raise ValueError(f"{count} ticks")
-        for left in reversed(range(count)):
-            self._ticks += 1
-            if self._physics:
+        if self._physics:
+            for _ in range(count):
+                self._ticks += 1
                 self._act()
-            else:
-                self._glide(with_speeds=not left or bool(self._imus))
-            if self._imus:
-                self._feel()
+                if self._imus:
+                    self._feel()
+        else:
+            self._glide(count)
         if not self._imus or not count:
             self._update()
 
@@ -74,14 +77,18 @@ class Motion(State):
                 velocity=tuple(velocity.tolist()), acceleration=tuple(change.tolist())
             )
 
-    def _turn_joints(self) -> None:
-        """Turn those that have a goal. Those without one need not be looked at again."""
+    def _turn_joints(self, count: int = 1) -> None:
+        """Turn those that have a goal, for some ticks. Those without one need not be looked at again."""
         motors, joints, tick, ahead = self._motors, self._scene.joints, self._tick, lag(self._tick)
         for name in tuple(self._busy):
             motor, joint = motors[name], joints[name]
             if motor.goal is not None:
                 low, high = max(joint.low, -FARTHEST), min(joint.high, FARTHEST)
-                motors[name] = motor = motor_moved(motor, tick, low, high)
+                for _ in range(count):
+                    motor = motor_moved(motor, tick, low, high)
+                    if motor.goal is None:
+                        break
+                motors[name] = motor
                 if not self._physics:
                     self._places[joint.place] = joint.place_of(motor.position)
             if self._physics:
@@ -89,14 +96,26 @@ class Motion(State):
             if motor.goal is None:
                 del self._busy[name]
 
-    def _glide(self, *, with_speeds: bool) -> None:
-        """Move joints and bases for a tick, as they are told; `with_speeds`, compute the vector of speeds."""
-        before = self._data.qpos.copy() if with_speeds else None
-        self._turn_joints()
-        for base, drive in self._driven:
-            self._advance(base, drive)
-        if before is not None:
-            mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
+    def _glide(self, count: int) -> None:
+        """Move joints and bases for some ticks, as they are told, and compute the vector of speeds of the last one.
+
+        Each of them moves for many ticks at once, unless something looks at the others in between.
+        """
+        is_seen = bool(self._imus) or any(base.collides for base, _ in self._driven)
+        at_once, last = 1 if is_seen else min(max(count - 1, 1), _AT_ONCE), self._ticks + count
+        while self._ticks < last:
+            passing = min(at_once, last - self._ticks)
+            has_speeds = bool(self._imus) or self._ticks + passing == last
+            before = self._data.qpos.copy() if has_speeds else None
+            if self._busy:
+                self._turn_joints(passing)
+            for base, drive in self._driven:
+                self._advance(base, drive, passing)
+            self._ticks += passing
+            if before is not None:
+                mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
+            if self._imus:
+                self._feel()
 
     def _act(self) -> None:
         """Let physics move everything for a tick."""
@@ -105,11 +124,11 @@ class Motion(State):
         places, told, noise, began = self._places, self._told, self._noise, []
         for base, drive in self._driven:
             x, z, turn = places[base.x], places[base.z], places[base.turn]
-            factors = _EXACT
+            factors: Sequence[float] = _EXACT
             if drive.expires is not None or any(drive.speed):
-                self._expire(drive, (x * 1000.0, z * 1000.0, turn))
+                self._expire(drive, (x * 1000.0, z * 1000.0, turn), self._ticks)
             if told.get(base.name) is not drive.speed or base.is_tilted or (noise and base.name in noise):
-                factors = self._factors(base.name)
+                (factors,) = self._factors(base.name, range(self._ticks, self._ticks + 1))
                 self._tell(base, drive.speed, factors)
             began.append((base, drive, x, z, turn, factors))
         mujoco.mj_step(self._scene.model, self._data)
@@ -142,7 +161,7 @@ class Motion(State):
             text = "`%s` has fallen more than %g m below the scene by %.1f s, and stays there"
             log.warning(text, self._scene.node_of(body), DEEPEST, self.time)
 
-    def _tell(self, base: Base, speed: Speed, factors: Three) -> None:
+    def _tell(self, base: Base, speed: Speed, factors: Sequence[float]) -> None:
         """Tell the servos of a base."""
         ahead, aside, turn = map(operator.mul, speed, factors)
         if base.is_tilted:
@@ -150,7 +169,7 @@ class Motion(State):
         self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
         self._told[base.name] = speed
 
-    def _roll(self, drive: Drive, before: Three, after: Three, factors: Three) -> None:
+    def _roll(self, drive: Drive, before: Three, after: Three, factors: Sequence[float]) -> None:
         """Let the wheels of a base measure how it has moved in a tick; noise does `factors` to its speed."""
         if after == before:
             return
@@ -162,47 +181,60 @@ class Motion(State):
         is_corrected = corrected is not odometry and corrected != odometry
         drive.corrected = moved(corrected, speed, tick) if is_corrected else drive.odometry
 
-    def _expire(self, drive: Drive, pose: Three) -> None:
+    def _expire(self, drive: Drive, pose: Three, tick: int) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
-        if drive.expires is not None and self._ticks > drive.expires:
+        if drive.expires is not None and tick > drive.expires:
             drive.speed, drive.expires = Speed(), None
-        if any(drive.speed):
-            where = *pose, *drive.odometry, *(drive.corrected if drive.corrected is not drive.odometry else ())
-            if max(where) > FARTHEST or min(where) < -FARTHEST:
-                drive.speed, drive.expires = Speed(), None
+        if any(drive.speed) and not (
+            _is_near(pose)
+            and _is_near(drive.odometry)
+            and (drive.corrected is drive.odometry or _is_near(drive.corrected))
+        ):
+            drive.speed, drive.expires = Speed(), None
 
-    def _factors(self, name: str) -> Three:
-        """What noise makes of the parts of a base's speed; wheels do not stand still because of it."""
+    def _factors(self, name: str, ticks: range) -> Sequence[Sequence[float]]:
+        """What noise makes of the three parts of a base's speed, for each tick; wheels do not stand still because of
+        it. `_EXACT`: nothing."""
         deviation = self._noise.get(name, 0.0)
         if not deviation:
-            return _EXACT
-        factors = (1.0 + deviation * normal(self._seed, name, "speed", self._ticks, 3)).tolist()
-        ahead, aside, turn = [
-            each if abs(each) >= _LEAST_FACTOR else math.copysign(_LEAST_FACTOR, each) for each in factors
-        ]
-        return ahead, aside, turn
+            return [_EXACT] * len(ticks)
+        factors = 1.0 + deviation * normals(self._seed, name, "speed", ticks, 3)
+        if factors.min() < _LEAST_FACTOR:
+            small = np.abs(factors) < _LEAST_FACTOR
+            factors[small] = np.copysign(_LEAST_FACTOR, factors[small])
+        made: list[list[float]] = factors.tolist()
+        return made
 
-    def _advance(self, base: Base, drive: Drive) -> None:
-        """Move a base for a tick, unless something stops it."""
+    def _advance(self, base: Base, drive: Drive, count: int) -> None:
+        """Move a base for some ticks, unless something stops it."""
         if drive.expires is None and not any(drive.speed):
             return
-        before, tick = self._pose(base.name), self._tick
-        self._expire(drive, before)
-        if not any(drive.speed):
-            return
-        factors = self._factors(base.name)
-        speed = drive.speed if factors is _EXACT else Speed(*map(operator.mul, drive.speed, factors))
-        if base.collides:
-            depths = self._depths(base.name)
-            self._place(base.name, moved(before, speed, tick))
-            if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
-                self._place(base.name, before)
+        places, length, ticks = self._places, self._tick, range(self._ticks + 1, self._ticks + count + 1)
+        for tick, factors in zip(ticks, self._factors(base.name, ticks), strict=True):
+            before = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
+            self._expire(drive, before, tick)
+            if not any(drive.speed):
                 return
-        else:
-            self._place(base.name, moved(before, speed, tick))
-        is_corrected = drive.corrected is not drive.odometry
-        drive.odometry = moved(drive.odometry, drive.speed, tick)
-        drive.corrected = moved(drive.corrected, drive.speed, tick) if is_corrected else drive.odometry
+            speed: Three = drive.speed
+            if factors is not _EXACT:
+                ahead, aside, turn = speed
+                speed = ahead * factors[0], aside * factors[1], turn * factors[2]
+            if not base.collides:
+                self._place(base, moved(before, speed, length))
+            elif not self._goes(base, before, moved(before, speed, length)):
+                continue
+            is_corrected = drive.corrected is not drive.odometry
+            drive.odometry = moved(drive.odometry, drive.speed, length)
+            drive.corrected = moved(drive.corrected, drive.speed, length) if is_corrected else drive.odometry
+
+    def _goes(self, base: Base, before: Three, after: Three) -> bool:
+        """Put a base elsewhere, unless something stops it."""
+        depths = self._depths(base.name)
+        self._place(base, after)
+        if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
+            self._place(base, before)
+            return False
+        return True
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""
@@ -227,3 +259,8 @@ class Motion(State):
             mine = np.flatnonzero(self._scene.stops & own).tolist()
             self._stopping[name] = [(one, others, (bounds[one] + bounds[others]) ** 2) for one in mine]
         return self._stopping[name]
+
+
+def _is_near(pose: Three) -> bool:
+    x, z, turn = pose
+    return -FARTHEST <= x <= FARTHEST and -FARTHEST <= z <= FARTHEST and -FARTHEST <= turn <= FARTHEST

@@ -23,6 +23,15 @@ def normal(seed: int, node: str, quantity: str, tick: int, count: int) -> Array:
     return _OWN.at(_key(seed, node, quantity), tick).standard_normal(count)
 
 
+def normals(seed: int, node: str, quantity: str, ticks: range, count: int) -> Array:
+    """Those of several ticks, shape (len(ticks), count); in less time than one after the other."""
+    own, key = _OWN, _key(seed, node, quantity)
+    made = np.empty((len(ticks), count))
+    for row, tick in zip(made, ticks, strict=True):
+        own.at(key, tick).standard_normal(out=row)
+    return made
+
+
 @lru_cache(maxsize=4096)
 def _key(seed: int, node: str, quantity: str) -> tuple[int, int]:
     digest = hashlib.blake2b(f"{seed}\0{node}\0{quantity}".encode(), digest_size=16).digest()
@@ -36,7 +45,10 @@ class _Generator(threading.local):
         self._philox = np.random.Philox(0)
         self._generator = np.random.Generator(self._philox)
         self._counter, self._key = [0, 0, 0, 0], [0, 0]
-        self._state: Any = {**self._philox.state, "state": {"counter": self._counter, "key": self._key}}
+        whole = self._philox.state
+        # Lists, since numpy reads its own arrays number by number, which takes three times as long.
+        state = {"counter": self._counter, "key": self._key}
+        self._state: Any = {**whole, "state": state, "buffer": whole["buffer"].tolist()}
 
     def at(self, key: tuple[int, int], tick: int) -> np.random.Generator:
         """The generator, at the beginning of the numbers of a tick."""

@@ -19,8 +19,8 @@ from ..innermodel.pictures import Pixels
 from ..innermodel.read import InnerModelError, number_of
 from ..innermodel.tree import Tree
 from ..spelling import unknown
-from .bases import Drive, Pose, Speed
-from .build import Scene, build, rebuilt
+from .bases import Drive, Pose, Speed, Three
+from .build import Base, Scene, build, rebuilt
 from .devices.imu import Inertia
 from .devices.laser import Laser
 from .devices.lidar import Lidar, is_lidar
@@ -283,9 +283,10 @@ class State:
         pose = self._pose(base)
         return Drive(Speed(), None, pose, pose)
 
-    def _place(self, base: str, pose: Pose) -> None:
-        found, places = self._scene.bases[base], self._places
-        places[found.x], places[found.z], places[found.turn] = pose.x / 1000.0, pose.z / 1000.0, pose.turn
+    def _place(self, base: Base, pose: Three) -> None:
+        places = self._places
+        x, z, turn = pose
+        places[base.x], places[base.z], places[base.turn] = x / 1000.0, z / 1000.0, turn
 
     def _set_drives(self, drives: dict[str, Drive]) -> None:
         self._drives = drives

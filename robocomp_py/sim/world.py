@@ -105,7 +105,10 @@ class World(Motion, Touching):
         if name in self._scene.bases:
             tilt, roll = (number_of(node.values[each]) for each in ("rx", "rz"))
             turned = axes.rotation(tilt, 0.0, 0.0).T @ pose[:3, :3] @ axes.rotation(0.0, 0.0, roll).T
-            self._place(name, Pose(float(pose[0, 3]), float(pose[2, 3]), math.atan2(turned[0, 2], turned[0, 0])))
+            self._place(
+                self._scene.bases[name],
+                Pose(float(pose[0, 3]), float(pose[2, 3]), math.atan2(turned[0, 2], turned[0, 0])),
+            )
             self._data.qvel[[model.jnt_dofadr[model.joint(f".{name}.{each}").id] for each in ("x", "z", "turn")]] = 0.0
         else:
             joint = model.joint(f".{name}")
@@ -317,11 +320,11 @@ class World(Motion, Touching):
 
     def odometry(self, base: str) -> Pose:
         """Where a base is by its wheels. It begins at the pose of the file."""
-        return self._drive(base).odometry
+        return Pose(*self._drive(base).odometry)
 
     def corrected(self, base: str) -> Pose:
         """The last pose that the base was told, moved on by its wheels."""
-        return self._drive(base).corrected
+        return Pose(*self._drive(base).corrected)
 
     def speed(self, base: str) -> Speed:
         """What the base does, without its noise."""

@@ -65,6 +65,19 @@ def test_after_a_restore_the_run_ends_in_the_same_bits(hall: World) -> None:
     assert hall.matrix("box")[0, 3] > 801
 
 
+def test_a_run_from_a_saved_state_repeats_with_any_seed(hall: World) -> None:
+    ends = set()
+    for seed in range(20):
+        hall.reset(seed)
+        story(hall)
+        saved = hall.save()
+        first = story(hall)
+        hall.restore(saved)
+        assert story(hall) == first
+        ends.add(first)
+    assert len(ends) == 20
+
+
 def test_a_state_may_be_restored_in_a_copy_but_not_in_another_scene(hall: World, tmp_path: Path) -> None:
     hall.step(50)
     saved, copy = hall.save(), hall.copy()

@@ -30,12 +30,12 @@ class Laser:
 
         `deviations` in mm are added to what is hit. The poses of all bodies in `data` have to be those of now.
         """
-        measured, hit = self._rays.cast(model, data)
-        distances = np.where(hit, measured, self._high)
+        distances, hit = self._rays.cast(model, data)
         if deviations is not None:
-            distances = np.where(hit, distances + deviations, distances)
-        found: Array = np.clip(distances, self._low, self._high)
-        return found
+            distances += deviations
+        distances[~hit] = self._high
+        np.maximum(distances, self._low, out=distances)  # `np.clip` takes twice as long for so few numbers
+        return np.minimum(distances, self._high, out=distances)
 
 
 def limits(node: Node) -> tuple[float, float]:

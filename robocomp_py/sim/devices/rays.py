@@ -34,4 +34,5 @@ class Rays:
         mujoco.mj_multiRay(
             model, data, origin, directions.ravel(), None, True, own, hit, metres, None, count, self._reach
         )
-        return metres * 1000.0, hit >= 0
+        metres *= 1000.0
+        return metres, hit >= 0

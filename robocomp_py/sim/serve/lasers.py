@@ -16,7 +16,7 @@ from ...innermodel.read import number_of
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from .bases import state
-from .values import filled, operation, rows
+from .values import filled, operation, records, rows
 
 if TYPE_CHECKING:
     from ..world import World
@@ -44,6 +44,10 @@ class LaserHandler(InstanceHandler):
     def getLaserData(self) -> Any:
         """The scan of now, from the right to the left."""
         return rows(self._scan, scanned(self._world, self._laser.id))
+
+    def getLaserData_records(self) -> Any:
+        """The same as an array of records; see `gym.driving`."""
+        return records(self._scan, scanned(self._world, self._laser.id))
 
     def getLaserAndBStateData(self) -> tuple[Any, Any]:
         """The scan, and the state of the base that carries the laser; zeros if none does."""
