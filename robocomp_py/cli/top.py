@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..tools.access import Access
     from ..tools.hosts import Hosts
     from ..tools.measure import Load, Operation
+    from ..tools.network import Network
 
 NAME = "top"
 HELP = "show processor, memory, rates and durations of running components, again and again"
@@ -35,6 +36,7 @@ examples:
 
 Durations are those of the latest 256 messages or calls: for a client the round trip, for a server or a subscriber the
 run of its handler, for a publisher the time in `send`. `wait` is the longest time before a handler ran.
+`not heard`: nothing subscribes to a topic, so that a component may not publish there, as scenes do (`--all`).
 Components that share a process show the processor and the memory of all of them.
 
 {EXIT_STATUS}
@@ -86,12 +88,21 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         if not told and not number:
             raise Absent("no component here tells what it does; `rc list` shows what runs")
         where = asking.hosts(network)
-        loads = [each.now for each in told.values()]
+        loads = [_heard(each.now, network) for each in told.values()]
         yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
             return
         time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
+
+
+def _heard(load: Load, network: Network) -> Load:
+    """Note on which topics nothing subscribes."""
+    heard = {each.name for each in network.channels.values() if each.users}
+    operations = [
+        replace(each, is_heard=each.channel in heard) if each.verb == "publishes" else each for each in load.operations
+    ]
+    return replace(load, operations=tuple(operations))
 
 
 def _print(found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False) -> None:
@@ -163,7 +174,7 @@ def _operation(component: Load, each: Operation) -> tuple[str, ...]:
     return (
         f"{component.component} {who} {each.channel}",
         each.middleware,
-        _number(each.rate),
+        _number(each.rate) if each.rate or each.is_heard else "not heard",
         *map(milliseconds, (each.p50, each.p99, each.longest, each.waited)),
         *(str(number or "") for number in (each.failed, each.lost, each.refused)),
     )

@@ -44,6 +44,8 @@ class Operation:
     """Missing, or discarded since a queue was full."""
     refused: int
     """Malformed, of another contract, or too late."""
+    is_heard: bool = True
+    """Of a topic: whether a subscriber is known. A component may publish only what is heard."""
 
     @property
     def is_quiet(self) -> bool:

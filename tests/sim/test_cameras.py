@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from robocomp_py.cli.rc import main as rc
+from robocomp_py.sim.render import Picture, View
+from robocomp_py.sim.serve import studio
 from robocomp_py.testing.components import ComponentTest, load_component
 
 SCENE = """\
@@ -175,6 +177,30 @@ def test_pictures_are_published_at_each_compute(house: ComponentTest) -> None:
     assert (depths_of(depth) == depths_of(now.depth)).all()
     sizes = {(each.width, each.height) for (each,) in house.received("camerasimplepub.pushImage")}
     assert sizes == {(4, 2), (12, 8)}
+
+
+@pytest.mark.tool
+def test_two_topics_of_a_camera_share_what_is_drawn(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+
+    class Counting(studio.Renderer):
+        def picture(self, view: View, camera: str, *given: Any) -> Picture:
+            drawn.append((view.ticks, camera))
+            return super().picture(view, camera, *given)
+
+    monkeypatch.setattr(studio, "Renderer", Counting)
+    with ComponentTest(load_component(folder / "house"), virtual=True) as house:
+
+        def simple() -> list[Any]:
+            return [each for (each,) in house.received("camerasimplepub.pushImage") if each.width == 12]
+
+        def both() -> list[Any]:
+            return [image for image, _ in house.received("camerargbdsimplepub.pushRGBD")]
+
+        house.wait_for(lambda: min(len(simple()), len(both())) >= 3)
+        pairs = list(zip(simple()[:3], both()[:3], strict=True))
+    assert all(one.image.any() and (one.image == other.image).all() for one, other in pairs)
+    assert len(drawn) == len(set(drawn)), "a picture was drawn twice"
 
 
 @pytest.mark.tool

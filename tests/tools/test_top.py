@@ -9,12 +9,16 @@ from typing import Any
 
 import pytest
 
+from robocomp_py.contract.component import Component, Port
+from robocomp_py.contract.interface import Verb
+from robocomp_py.contract.qos import PRESETS
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import asking
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Calculator, Pupil
+from ..runtime.components import Calculator, Diary, EverythingPublisher, Pupil
 from ..runtime.test_run import make, running
 from .test_commands import complained, said
 
@@ -50,6 +54,21 @@ def test_components_and_operations_are_shown(pair: Any, capsys: pytest.CaptureFi
     assert all(float(each) > 0 for each in row[4:8])
     assert any(line.startswith("desk/calculator ← desk/calculator/Everything/divide") for line in lines)
     assert not any("Everything/work" in line for line in lines)
+
+
+class Silent(Diary):
+    component = Component(
+        "silent", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=PRESETS["services_default"]),)
+    )
+
+
+def test_a_topic_that_nothing_hears_is_told(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with running(make(Silent, find_transport, "middleware=shm", "namespace=desk")):
+        wait_until(lambda: "desk/silent" in asking.components(take_census(["shm"])))
+        lines = said(capsys, "top", "--all", "--once", "--middleware", "shm").splitlines()
+    (row,) = [line.split() for line in lines if line.startswith("desk/silent → ") and "/news" in line]
+    assert row[3:6] == ["shm", "not", "heard"]
+    assert [line.split()[1] for line in lines if "not heard" in line] == ["→"]
 
 
 def test_json_has_all_operations(pair: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -23,10 +23,11 @@ from ...errors import Closed, RobocompError, TransportError
 from ...innermodel.pictures import Pixels
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
+from ...runtime.ports import has_subscribers
 from ..drawing import Depths
 from ..looks import picture_of
 from ..remote import DrawingLost
-from ..render import Renderer, View
+from ..render import Picture, Renderer, View
 from .bases import state
 from .motors import states
 from .studio import Shot, Studio
@@ -301,32 +302,80 @@ class DisplayHandler(InstanceHandler):
 
 
 class CameraPublication:
-    """Publishes what a camera sees.
+    """Publishes what a camera sees, on each of its topics that is heard.
 
-    Pictures are drawn into the memory that is sent. Those for which there is no time are left out.
+    A picture is drawn once, into the memory that is sent, and copied for further topics. Those for which there is no
+    time are left out.
     """
 
-    def __init__(self, camera: Camera, port: Port, proxy: Any) -> None:
+    def __init__(self, camera: Camera) -> None:
         self._camera = camera
+        self._topics: dict[str, _Topic] = {}
+        """By the port."""
+        self._drawing: Future[None] | None = None
+
+    def add(self, port: Port, proxy: Any) -> None:
+        self._topics[port.name] = _Topic(self._camera, port, proxy)
+
+    def remove(self, port: Port) -> bool:
+        """Publish there no longer. Returns whether no topic is left."""
+        self._topics.pop(port.name, None)
+        return not self._topics
+
+    def __call__(self) -> None:
+        """Publish what it sees now, unless the picture before is still being drawn."""
+        heard = [each for each in self._topics.values() if each.is_heard]
+        if heard and (self._drawing is None or self._drawing.done()):
+            view, time = self._camera.world.view(), self._camera.time
+            self._drawing = self._camera.studio.do(partial(self._publish, heard, view, time))
+
+    def _publish(self, heard: Sequence[_Topic], view: View, time: int, renderer: Renderer) -> None:
+        canvas = _Canvas(renderer, view, self._camera.node.id, is_kept=len(heard) > 1)
+        for each in heard:
+            each.publish(canvas, time)
+
+
+class _Canvas:
+    """A picture that is drawn when it is wanted first."""
+
+    def __init__(self, renderer: Renderer, view: View, camera: str, *, is_kept: bool) -> None:
+        """`is_kept`: it will be wanted again."""
+        self._renderer, self._view, self._camera, self._is_kept = renderer, view, camera, is_kept
+        self._picture: Picture | None = None
+
+    def fill(self, colours: Pixels | None, depths: Depths | None) -> None:
+        """Write it to the arrays that are given."""
+        if self._picture is None:
+            drawn = self._renderer.picture(self._view, self._camera, colours, depths)
+            if self._is_kept:
+                self._picture = Picture(drawn.colours.copy(), drawn.depths.copy())
+            return
+        if colours is not None:
+            colours[:] = self._picture.colours
+        if depths is not None:
+            depths[:] = self._picture.depths
+
+
+class _Topic:
+    """A topic on which pictures of a camera are published."""
+
+    def __init__(self, camera: Camera, port: Port, proxy: Any) -> None:
+        self._camera, self._proxy = camera, proxy
         (published,) = port.interface.operations
         self._inputs = published.inputs
         self._loan = getattr(proxy, f"loan{published.name[0].upper()}{published.name[1:]}")
         fields = [path[-1].name for path, _ in arrays(self._inputs)]
         self._arrays = list(zip(inspect.signature(self._loan).parameters, fields, strict=False))
         """The arguments of the loan, and the names of the fields that they are the shapes of."""
-        self._drawing: Future[None] | None = None
         self._is_broken = False
         self._told = ""
         """Why the last picture was not published; "" if it was."""
 
-    def __call__(self) -> None:
-        """Publish what it sees now, unless the picture before is still being drawn."""
-        if self._is_broken or (self._drawing and not self._drawing.done()):
-            return
-        view, time = self._camera.world.view(), self._camera.time
-        self._drawing = self._camera.studio.do(partial(self._publish, view, time))
+    @property
+    def is_heard(self) -> bool:
+        return not self._is_broken and has_subscribers(self._proxy)
 
-    def _publish(self, view: View, time: int, renderer: Renderer) -> None:
+    def publish(self, canvas: _Canvas, time: int) -> None:
         camera = self._camera.node.id
         try:
             height, width = self._camera.size
@@ -334,7 +383,7 @@ class CameraPublication:
             with self._loan(**{each: shapes.get(name, 0) for each, name in self._arrays}) as message:
                 found = self._fill(message, self._camera.about(time) | {"depthFactor": 1.0})
                 depths = found.get("depth")
-                renderer.picture(view, camera, found.get("image"), None if depths is None else depths.view(np.float32))
+                canvas.fill(found.get("image"), None if depths is None else depths.view(np.float32))
             self._told = ""
         except Closed:
             self._is_broken = True

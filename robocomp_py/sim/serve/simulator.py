@@ -57,6 +57,9 @@ except AttributeError as exc:  # what PyOpenGL raises while MuJoCo loads the Ope
 
 log = logging.getLogger("robocomp.sim")
 
+_PICTURES = "CameraSimplePub", "CameraRGBDSimplePub"
+"""Topics of cameras."""
+
 
 class Simulator(Controlled, Managed):
     """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
@@ -102,7 +105,9 @@ class Simulator(Controlled, Managed):
         self._studio = Studio(suspended, in_process=in_process, remote=self.remote)
         self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
-        """By the port, and the name of the instance."""
+        """By the port, and the name of the instance. That of a camera, which may have several ports, has none."""
+        self._pictures: dict[str, CameraPublication] = {}
+        """By camera."""
         self._provide()
         for port in self.component.ports:
             if port.interface.short == "SimulationPub" and port not in self.component.named:
@@ -116,7 +121,7 @@ class Simulator(Controlled, Managed):
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
             for name in set(instances) - set(names):
-                self._publications.pop((port.name, name), None)
+                self._withdraw(port, name)
                 instances.remove(name)
             for name in names:
                 if name in instances:
@@ -127,12 +132,25 @@ class Simulator(Controlled, Managed):
                 elif isinstance(instances, NamedHandlers):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
-                    proxy = instances.add(name)
-                    publish = self._publication(port, name, proxy)
-                    self._publications[port.name, name] = partial(_if_heard, proxy, publish)
+                    self._publish(port, name, instances.add(name))
             if port.interface.short == "JointMotor" and isinstance(instances, NamedHandlers):
                 for name, handler in instances.items():
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
+
+    def _publish(self, port: Port, name: str, proxy: Any) -> None:
+        """Publish what an instance tells in each `compute`."""
+        if port.interface.short not in _PICTURES:
+            self._publications[port.name, name] = partial(_if_heard, proxy, self._publication(port, name, proxy))
+            return
+        if name not in self._pictures:
+            self._publications["", name] = self._pictures[name] = CameraPublication(self._camera(name))
+        self._pictures[name].add(port, proxy)
+
+    def _withdraw(self, port: Port, name: str) -> None:
+        """Publish it no longer."""
+        self._publications.pop((port.name, name), None)
+        if port.interface.short in _PICTURES and name in self._pictures and self._pictures[name].remove(port):
+            del self._pictures[name], self._publications["", name]
 
     def compute(self) -> None:
         """Go on to the present time, and publish what has subscribers."""
@@ -225,8 +243,6 @@ class Simulator(Controlled, Managed):
             case "FullPoseEstimationPub":
                 pose = operation(port.interface, "newFullPose").inputs[0].type
                 return lambda: proxy.newFullPose(posed(self.world, name, pose))
-            case "CameraSimplePub" | "CameraRGBDSimplePub":
-                return CameraPublication(self._camera(name), port, proxy)
             case "JointMotorPub":
                 map_kind = operation(port.interface, "motorStates").inputs[0].type
                 return lambda: proxy.motorStates(states(self.world, self._motors[name], map_kind))
