@@ -12,8 +12,11 @@ SOON = 10.0 * SCALE
 """Seconds after which an expected event counts as missing."""
 
 
-def wait_until(condition: Callable[[], object], timeout: float = SOON, what: str = "") -> None:
-    """Return as soon as the condition holds; raise AssertionError if it does not in time."""
+def wait_until(condition: Callable[[], object], timeout: float = 3 * SOON, what: str = "") -> None:
+    """Return as soon as the condition holds; raise AssertionError if it does not in time.
+
+    The default allows for a process that starts first, on a machine with much to do.
+    """
     end = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > end:

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.testing.patience import wait_until
 
 _SUBNETS = itertools.count(64 * os.getpid())
 """So many for each process of tests: another one that was started just after it makes its own."""
@@ -163,7 +163,7 @@ class Host:
             for pid in pids:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
-            wait_until(lambda pids=pids: not any(map(_runs, pids)), SOON)
+            wait_until(lambda pids=pids: not any(map(_runs, pids)))
         for started in self._started:
             started.wait(_LATE)
         _do("ip", "netns", "delete", self._space, check=False)
@@ -229,7 +229,7 @@ class SshServer:
         with log:
             words = [sshd, "-D", "-e", "-f", str(self._configuration)]
             self._running = self.host.run(words, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
-        wait_until(self._answers, SOON)
+        wait_until(self._answers)
 
     def stop(self) -> None:
         """No new connections; those that are there stay."""

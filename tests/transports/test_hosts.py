@@ -42,7 +42,7 @@ def quotient_of(caller: Any, transport: Any, *numbers: int) -> object:
             replies.append(caller.ask(request, 1.0))
         return bool(replies)
 
-    wait_until(answered, SOON)
+    wait_until(answered)
     return transport.codec.decoder(e.divide.response)(replies[0].payload)
 
 

@@ -92,7 +92,7 @@ def test_two_of_them_meet_over_any_middleware(
     options = ["--middleware", middleware, "--set", f'namespace="{tmp_path.name}"']
     with together([arms[year], *options], [asker, *options]) as (arm, asking):
         seen = asking._user.seen
-        wait_until(lambda: {type(each) for each in seen} == {tuple, list}, SOON, "it was answered, and has heard")
+        wait_until(lambda: {type(each) for each in seen} == {tuple, list}, what="it was answered, and has heard")
         answer = next(each for each in seen if type(each) is tuple)
         assert (answer[0], answer[1].name, answer[2]) == (True, "moving", [2.0])
         assert [1.5, 1.5] in seen
@@ -129,7 +129,7 @@ def together(*commands: list[Any]) -> Iterator[list[Any]]:
     thread = threading.Thread(target=process.run)
     thread.start()
     try:
-        wait_until(lambda: all(each.running.is_up for each in members), SOON, "they are ready")
+        wait_until(lambda: all(each.running.is_up for each in members), what="they are ready")
         yield [each.running.worker for each in members]
     finally:
         process.stop()
@@ -375,7 +375,7 @@ def test_a_peer_that_is_gone_refuses_connections(arms: dict[str, Path], tmp_path
     options = ["--middleware", "inproc"]
     with together([arms["2021"], *options], [client(tmp_path, code), *options]) as (arm, asking):
         arm.stop()
-        wait_until(lambda: asking._user.seen, SOON, "it is refused")
+        wait_until(lambda: asking._user.seen, what="it is refused")
         assert isinstance(asking._user.seen[0], Unreachable)
 
 
@@ -508,7 +508,7 @@ def test_killYourSelf_ends_the_component(tmp_path: Path) -> None:
     with running(server(tmp_path, code)) as arm:
         seen = user_of(arm).seen
         arm.call("Arm.halt")
-        wait_until(lambda: arm._running.is_over, SOON, "it has ended")
+        wait_until(lambda: arm._running.is_over, what="it has ended")
     assert arm.fine
     assert seen == ["killed"]
 

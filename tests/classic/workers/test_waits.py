@@ -167,7 +167,7 @@ def test_a_thread_that_waits_is_outside_the_monitor(house: House, scene: Callabl
     wait, end = scene(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out, SOON, "it waits")
+    wait_until(lambda: waiting.ident in house.out, what="it waits")
     assert waiting.is_alive()
     end()
     waiting.join(SOON)
@@ -259,7 +259,7 @@ def test_waiting_for_a_condition_releases_a_lock_that_was_taken_repeatedly(house
     wait, notify = condition(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out and not house.taken, SOON, "it waits, and no lock is taken")
+    wait_until(lambda: waiting.ident in house.out and not house.taken, what="it waits, and no lock is taken")
     notify()
     waiting.join(SOON)
     assert not waiting.is_alive()
@@ -279,7 +279,7 @@ def test_a_condition_wait_that_timed_out_consumes_no_notification(house: House) 
         made.wait()
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out, SOON, "it waits")
+    wait_until(lambda: waiting.ident in house.out, what="it waits")
     with made:
         made.notify()
     waiting.join(SOON)
@@ -291,7 +291,7 @@ def test_the_action_of_a_barrier_runs_inside(house: House) -> None:
     made = house.threading.Barrier(2, lambda: acting.append(threading.get_ident() in house.out))
     waiting = threading.Thread(target=made.wait)
     waiting.start()
-    wait_until(lambda: made.n_waiting == 1, SOON, "it waits")
+    wait_until(lambda: made.n_waiting == 1, what="it waits")
     made.wait()
     waiting.join(SOON)
     assert acting == [False]
@@ -306,7 +306,7 @@ def test_a_pool_begins_threads_for_workers_that_it_lacks_only(house: House) -> N
         others = [pool.submit(int) for _ in range(5)]
         end.set()
         assert [each.result(SOON) for each in (first, *others)] == [True, 0, 0, 0, 0, 0]
-        wait_until(lambda: pool._idle_semaphore._value, SOON, "its worker is idle")
+        wait_until(lambda: pool._idle_semaphore._value, what="its worker is idle")
         assert pool.submit(int).result(SOON) == 0
     finally:
         threading.setprofile(None)
@@ -382,7 +382,7 @@ def test_calls_that_wait_in_a_pool_are_made_before_the_end(house: House) -> None
 
     for number in range(3):
         pool.submit(call, number)
-    wait_until(lambda: pool._work_queue.qsize() == 2, SOON, "it is at the first one")
+    wait_until(lambda: pool._work_queue.qsize() == 2, what="it is at the first one")
     pools = house.begun.pools()
     assert house.begun.end(pools, 0, 0) == ([each.name for each in pool._threads], 2)
     for _ in range(3):

@@ -81,7 +81,7 @@ class Visitor:
         self._send(messages.TransformControlsDragEndMessage(name, owner))
 
     def awaits(self, condition: Callable[[], object], what: str = "") -> None:
-        wait_until(condition, SOON, what)
+        wait_until(condition, what=what)
 
     def _owner(self, name: str) -> str:
         return str(self.scene[name].get("owner", ""))

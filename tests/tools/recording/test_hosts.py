@@ -17,7 +17,7 @@ from robocomp_py import connect
 from robocomp_py.cli import rc
 from robocomp_py.cli.common import FINE, UNREACHABLE
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.testing.patience import wait_until
 from robocomp_py.tools.recording.reader import Recording, values_by_topic
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
@@ -130,7 +130,7 @@ def test_a_host_that_was_lost_is_recorded_again(network: elsewhere.Network, tmp_
     folder = tmp_path / "run"
     with recorder(folder, "news") as (says, told):
         file = folder / "run_0.mcap"
-        wait_until(lambda: file.exists() and file.stat().st_size > 1500, SOON)
+        wait_until(lambda: file.exists() and file.stat().st_size > 1500)
         scouts = dict(network.standing.scouts)
         network.standing.scouts.clear()
         network.cut()
