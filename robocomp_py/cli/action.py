@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "action"
-HELP = "begin, watch and cancel goals of actions"
 
 _EXAMPLES = """\
 examples:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ..tools.recording.reader import Recording
 
 NAME = "bag"
-HELP = "look into recordings; mend, merge, cut and convert them"
 
 _EXIT_STATUS = "exit status: 0 done, 1 a file is missing, broken or empty, 2 usage"
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from ..tools.traffic import Traffic
 
 NAME = "bw"
-HELP = "measure how many octets a second topics publish, and the sizes of their messages"
 
 _EXAMPLES = f"""\
 examples:

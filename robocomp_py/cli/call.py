@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from ..tools.network import Channel, Network
 
 NAME = "call"
-HELP = "call a query of a component, or send it a command"
 
 _EXAMPLES = f"""\
 examples:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "clock"
-HELP = "show, pause and drive the clock that a network follows"
 
 MAX = "max"
 

@@ -8,7 +8,6 @@ from .common import FINE
 from .completing import ASKED
 
 NAME = "completion"
-HELP = "print the script by which a shell completes commands, options and names"
 
 _EXAMPLES = """\
 examples:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from ..tools.traffic import Traffic
 
 NAME = "delay"
-HELP = "measure how old messages of topics are when they arrive"
 
 _EXAMPLES = f"""\
 examples:

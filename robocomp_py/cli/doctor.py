@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ..tools.doctor.facts import Complaints, Launched
 
 NAME = "doctor"
-HELP = "find out what is wrong with this machine and with what runs on it"
 
 _EXAMPLES = """\
 examples:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..tools.tap import Message, Presence
 
 NAME = "echo"
-HELP = "print what is published to topics, or calls of queries and commands"
 
 _EXAMPLES = f"""\
 examples:

@@ -15,7 +15,6 @@ from .completing import completed
 from .replacing import replace_file
 
 NAME = "fmt"
-HELP = "format files of any of the languages"
 
 _ABOUT = """\
 Format files in place. Their meaning and their comments do not change. A file that is already formatted, or has syntax

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "foxglove"
-HELP = "show a running network, or a recording, in Foxglove"
 
 _EXAMPLES = f"""\
 examples:

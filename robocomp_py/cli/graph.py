@@ -16,7 +16,6 @@ from .model import declared
 from .network import add_overrides, overrides_of
 
 NAME = "graph"
-HELP = "draw a network or a state machine"
 
 
 _EXAMPLES = """\

@@ -11,7 +11,6 @@ from .common import FINE, USAGE, complain, raise_if_signalled
 from .completing import What, completed
 
 NAME = "host"
-HELP = "run a helper process for the components of this machine, such as a router or a broker"
 
 _EXAMPLES = """\
 examples:

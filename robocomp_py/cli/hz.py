@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from ..tools.traffic import Traffic
 
 NAME = "hz"
-HELP = "measure how often topics are published, and whether messages are missing"
 
 _EXAMPLES = f"""\
 examples:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..tools.network import Channel, End, Network
 
 NAME = "info"
-HELP = "show the contract of a topic, query, command or action, and what uses it"
 
 _EXAMPLES = f"""\
 examples:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..deploy.auto import Way
 
 NAME = "links"
-HELP = "show what carries the messages of a network, link by link"
 
 
 _EXAMPLES = """\

@@ -18,7 +18,6 @@ if TYPE_CHECKING:  # running a component must not import the languages
     from ..dsl.workspace import Workspace
 
 NAME = "lint"
-HELP = "check files of any of the languages"
 
 _ABOUT = """\
 Say what is wrong with files, and with what they import: each mistake with its place, a code, and what may be meant.

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network, Running
 
 NAME = "list"
-HELP = "list the components that run now, or their topics, queries and commands"
 
 _EXAMPLES = f"""\
 examples:

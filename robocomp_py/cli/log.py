@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "log"
-HELP = "set the level of a running component's log"
 
 LEVELS = ("debug", "info", "warning", "error")
 

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from ..tools.tap import Tap
 
 NAME = "logs"
-HELP = "show what running components log"
 
 _EXAMPLES = f"""\
 examples:

@@ -11,7 +11,6 @@ from typing import BinaryIO
 from .common import FINE, USAGE, WRONG, raise_if_signalled
 
 NAME = "lsp"
-HELP = "the language server, which editors start; see docs/guides/editors.md"
 
 
 _EXAMPLES = """\

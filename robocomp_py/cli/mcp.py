@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ..tools.actions import Offered
 
 NAME = "mcp"
-HELP = "let an agent, such as a language model, read a network, and do what it allows"
 
 _EXAMPLES = """\
 examples:

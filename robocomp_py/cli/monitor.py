@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ..tools.census import Seen
 
 NAME = "monitor"
-HELP = "show a running network in the browser: components, connections, rates, what is missing"
 
 _EXAMPLES = """\
 examples:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "param"
-HELP = "show and change the parameters of running components"
 
 _EXAMPLES = f"""\
 examples:

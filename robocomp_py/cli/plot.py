@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..tools.recording.reader import Recording
 
 NAME = "plot"
-HELP = "draw values or latencies of a recording"
 
 _EXAMPLES = """\
 examples:

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ..tools.network import Channel, Network
 
 NAME = "pub"
-HELP = "publish messages to a topic"
 
 _EXAMPLES = f"""\
 examples:

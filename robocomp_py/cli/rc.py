@@ -19,7 +19,6 @@ class Command(Protocol):
     """The module of a command. It imports slow modules in `run`."""
 
     NAME: str
-    HELP: str
 
     def add_arguments(self, to: argparse.ArgumentParser) -> None: ...
 
@@ -27,19 +26,58 @@ class Command(Protocol):
 
 
 GROUPS = {
-    "models and code": ("lint", "fmt", "rename", "graph", "links", "sim"),
-    "run": ("run", "host"),
-    "see what runs": ("list", "info", "echo", "hz", "bw", "delay", "top", "monitor", "logs", "doctor"),
-    "talk to what runs": ("call", "pub", "action", "param", "log", "clock"),
-    "recordings": ("record", "bag", "plot", "replay", "rerun", "foxglove"),
-    "for other programs": ("lsp", "mcp", "completion"),
+    "models and code": {
+        "lint": "check files of any of the languages",
+        "fmt": "format files of any of the languages",
+        "rename": "rename an operation, a state, ... in models and in the Python code that uses it",
+        "graph": "draw a network or a state machine",
+        "links": "show what carries the messages of a network, link by link",
+        "sim": "simulate a scene of InnerModel as a component, and show and edit it in the browser",
+    },
+    "run": {
+        "run": "run a component",
+        "host": "run a helper process for the components of this machine, such as a router or a broker",
+    },
+    "see what runs": {
+        "list": "list the components that run now, or their topics, queries and commands",
+        "info": "show the contract of a topic, query, command or action, and what uses it",
+        "echo": "print what is published to topics, or calls of queries and commands",
+        "hz": "measure how often topics are published, and whether messages are missing",
+        "bw": "measure how many octets a second topics publish, and the sizes of their messages",
+        "delay": "measure how old messages of topics are when they arrive",
+        "top": "show processor, memory, rates and durations of running components, again and again",
+        "monitor": "show a running network in the browser: components, connections, rates, what is missing",
+        "logs": "show what running components log",
+        "doctor": "find out what is wrong with this machine and with what runs on it",
+    },
+    "talk to what runs": {
+        "call": "call a query of a component, or send it a command",
+        "pub": "publish messages to a topic",
+        "action": "begin, watch and cancel goals of actions",
+        "param": "show and change the parameters of running components",
+        "log": "set the level of a running component's log",
+        "clock": "show, pause and drive the clock that a network follows",
+    },
+    "recordings": {
+        "record": "record what is published into MCAP files",
+        "bag": "look into recordings; mend, merge, cut and convert them",
+        "plot": "draw values or latencies of a recording",
+        "replay": "publish a recording again, as it was in time",
+        "rerun": "run the code of a component again, with what has entered it, and compare what goes out",
+        "foxglove": "show a running network, or a recording, in Foxglove",
+    },
+    "for other programs": {
+        "lsp": "the language server, which editors start; see docs/guides/editors.md",
+        "mcp": "let an agent, such as a language model, read a network, and do what it allows",
+        "completion": "print the script by which a shell completes commands, options and names",
+    },
 }
-"""All commands, in the order of the help, by what they are for.
+"""All commands, in the order of the help, by what they are for, each with what it does.
 
 Each is the name of its module, which is imported only if it is needed: to import all takes longer than many run.
 """
 
-COMMANDS = tuple(name for names in GROUPS.values() for name in names)
+COMMANDS = {name: told for commands in GROUPS.values() for name, told in commands.items()}
 
 RUN = "run"
 """The command that passes options on to the component."""
@@ -93,7 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return answer(completer, given)
     if given[:1] == [RUN]:
         return _run(given)
-    options, rest = parser_for(given[0] if given else "").parse_known_args(given)
+    name = next((word for word in given if not word.startswith("-")), "")
+    options, rest = parser_for(name).parse_known_args(given)
     if getattr(options, "arguments", None) == [] and not any(word.startswith("-") for word in rest):
         options.arguments, rest = rest, []  # behind an option: argparse has given it none by then
     if rest:
@@ -117,19 +156,21 @@ def completer(words: Sequence[str], word: str) -> tuple[Parser, Sequence[str]]:
 
 
 def parser_for(name: str, beginning: str = "") -> Parser:
-    """The parser of `rc` with the arguments of this command only; if there is no such command, with those of all whose
-    names begin so."""
+    """The parser of `rc` with the arguments of this command only; if there is no such command, with the names of all
+    that begin so."""
     made = parser("rc", _DESCRIPTION, _EXAMPLES)
     made.usage = "rc COMMAND ..."
     commands = made.add_subparsers(dest="command", metavar="COMMAND", required=True, prog="rc", help=argparse.SUPPRESS)
-    for each in (name,) if name in COMMANDS else [each for each in COMMANDS if each.startswith(beginning)]:
-        about = module(each)
-        own = commands.add_parser(each, help=about.HELP, add_help=each != RUN)
-        about.add_arguments(own)
-        add_version(own, f"rc {each}")
-        own.set_defaults(parser=own)
-    if name not in COMMANDS and not beginning:
+    if name not in COMMANDS:
+        for each in COMMANDS:
+            if each.startswith(beginning):
+                commands.add_parser(each, help=COMMANDS[each])
         made.description = f"{_DESCRIPTION}\n\n{_listed()}"
+        return made
+    own = commands.add_parser(name, help=COMMANDS[name], add_help=name != RUN)
+    module(name).add_arguments(own)
+    add_version(own, f"rc {name}")
+    own.set_defaults(parser=own)
     return made
 
 
@@ -138,12 +179,10 @@ def _listed() -> str:
     room = max(map(len, COMMANDS)) + 4
     width = max(2 * room, min(_WIDTH, shutil.get_terminal_size().columns - 2))
     groups = []
-    for title, names in GROUPS.items():
+    for title, commands in GROUPS.items():
         lines = [
-            textwrap.fill(
-                module(name).HELP, width, initial_indent=f"  {name}".ljust(room), subsequent_indent=" " * room
-            )
-            for name in names
+            textwrap.fill(told, width, initial_indent=f"  {name}".ljust(room), subsequent_indent=" " * room)
+            for name, told in commands.items()
         ]
         groups.append("\n".join([f"{title}:", *lines]))
     return "\n\n".join(groups)

@@ -9,6 +9,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 from ..arguments import Parser
 from ..dsl.diagnostics import did_you_mean
@@ -19,7 +20,18 @@ from .completing import completed
 from .deploying import down, export, keys, logs, plan, restart, simulate, start, status, stop, trust, up
 from .deploying.importing import import_network
 from .network import add_clock, add_overrides, network
-from .rc import Command
+
+
+class Command(Protocol):
+    """The module of a command. It imports slow modules in `run`."""
+
+    NAME: str
+    HELP: str
+
+    def add_arguments(self, to: argparse.ArgumentParser) -> None: ...
+
+    def run(self, options: argparse.Namespace) -> int: ...
+
 
 COMMANDS: dict[str, Command] = {
     each.NAME: each for each in (up, plan, simulate, status, logs, restart, stop, start, down, export, keys, trust)

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from ..tools.recording.writer import Recorder
 
 NAME = "record"
-HELP = "record what is published into MCAP files"
 
 _EXAMPLES = f"""\
 examples:

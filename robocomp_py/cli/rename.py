@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ..usercode.renaming import Names
 
 NAME = "rename"
-HELP = "rename an operation, a state, ... in models and in the Python code that uses it"
 
 _ABOUT = """\
 Change a name wherever the models in a folder have it, and in the Python code of the components that use it. The changes

@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from ..tools.replay.stage import Stage
 
 NAME = "replay"
-HELP = "publish a recording again, as it was in time"
 
 _EXAMPLES = f"""\
 examples:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..tools.diary.rerun import Result
 
 NAME = "rerun"
-HELP = "run the code of a component again, with what has entered it, and compare what goes out"
 
 _EXAMPLES = """\
 examples:

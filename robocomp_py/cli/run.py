@@ -13,7 +13,6 @@ from ..runtime.notify import BETWEEN
 from .common import FINE, complain, raise_if_signalled, signalled
 
 NAME = "run"
-HELP = "run a component"
 
 _EXAMPLES = """\
 examples:

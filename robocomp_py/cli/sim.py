@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ..innermodel.tree import Tree
 
 NAME = "sim"
-HELP = "simulate a scene of InnerModel as a component, and show and edit it in the browser"
 
 _EXAMPLES = """\
 examples:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 NAME = "top"
-HELP = "show processor, memory, rates and durations of running components, again and again"
 
 _EXAMPLES = f"""\
 examples:

@@ -105,7 +105,7 @@ def test_the_first_word_of_rcdeploy_is_a_command_or_a_network(files: Path) -> No
 
 
 def test_commands_of_rc_have_their_help() -> None:
-    assert completed("rc hz", "fish") == [f"hz\t{rc.module('hz').HELP}"]
+    assert completed("rc hz", "fish") == [f"hz\t{rc.COMMANDS['hz']}"]
     assert completed("rc echo --fu", "zsh") == ["--full\tprint long sequences whole"]
 
 
