@@ -17,6 +17,9 @@ MEBIBYTE = 1024 * 1024
 PART_OF_A_MESSAGE = b"\3" + MEBIBYTE.to_bytes(8, "big") + bytes(MEBIBYTE)
 """A frame that says that more of its message follow."""
 
+_SILENT = 3000
+"""Connections that say nothing."""
+
 _STUCK = 30.0
 
 
@@ -126,18 +129,18 @@ def bombs() -> Iterator[bytes]:
     yield b"\x91" * count
 
 
-def _be_silent(port: int, end: float, count: int = 3000) -> dict[str, int]:
-    """Open so many connections and say nothing."""
+def _be_silent(port: int, end: float) -> dict[str, int]:
+    """Open `_SILENT` connections and say nothing."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, max(soft, count + 200)), hard))
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, max(soft, _SILENT + 200)), hard))
     with contextlib.ExitStack() as opened:
-        for _ in range(count):
+        for _ in range(_SILENT):
             each = opened.enter_context(socket.socket())
             each.setblocking(False)
             with contextlib.suppress(BlockingIOError):
                 each.connect(("127.0.0.1", port))
         threading.Event().wait(max(0.0, end - time.monotonic()))
-    return {"sent": 0, "closed": count}
+    return {"sent": 0, "closed": _SILENT}
 
 
 @contextlib.contextmanager

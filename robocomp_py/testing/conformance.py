@@ -808,7 +808,7 @@ class TransportConformance(QoSConformance):
         question.close()
 
     def test_giving_up_leaves_nothing_behind(self, here: Transport, there: Transport, name: str) -> None:
-        here.server(query(name), _stuck_on(here, b"stuck"))
+        here.server(query(name), _answering_all_but_stuck(here))
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
         stuck = caller.call(blob(there, b"stuck"), SOON)
@@ -1009,7 +1009,7 @@ class TransportConformance(QoSConformance):
     def test_close_releases_waiters(
         self, here: Transport, there: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
-        here.server(query(name), _stuck_on(here, b"stuck"))
+        here.server(query(name), _answering_all_but_stuck(here))
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
         pending = caller.call(blob(there, b"stuck"), SOON * 3)
@@ -1023,7 +1023,7 @@ class TransportConformance(QoSConformance):
     def test_closing_a_transport_ends_its_calls_as_closed(
         self, here: Transport, name: str, pool: ThreadPoolExecutor
     ) -> None:
-        here.server(query(name), _stuck_on(here, b"stuck"))
+        here.server(query(name), _answering_all_but_stuck(here))
 
         def ask_until_it_fails(transport: Transport, caller: Caller, answered: threading.Semaphore) -> None:
             while True:
@@ -1553,12 +1553,12 @@ def _asked_meanwhile(
     return asked.result(SOON)
 
 
-def _stuck_on(transport: Transport, word: bytes) -> Callable[[Payload, float], Reply | Future[Reply]]:
-    """A service that never answers one word, and echoes others."""
+def _answering_all_but_stuck(transport: Transport) -> Callable[[Payload, float], Reply | Future[Reply]]:
+    """A service that echoes requests, but never answers `stuck`."""
 
     def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
         data = unblob(transport, payload)
-        return Future() if data == word else Reply(Status.OK, blob(transport, data))
+        return Future() if data == b"stuck" else Reply(Status.OK, blob(transport, data))
 
     return service
 

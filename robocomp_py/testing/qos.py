@@ -89,7 +89,7 @@ class QoSConformance(TransportSuite):
         assert link.wait_peer(SOON)
         # The first message blocks the sink. Once one was dropped, the queue is full: all messages have arrived.
         _until(lambda: blocked.is_set() and link.stats.dropped > 0, outlet, here, b"old")
-        _let_pass(2 * _LIFESPAN)
+        _let_lifespan_pass()
         release.set()
         wait_until(lambda: link.stats.expired > 0)  # before newer messages displace the old ones
         _until(lambda: b"fresh" in inbox.queue, outlet, here, b"fresh")
@@ -103,7 +103,7 @@ class QoSConformance(TransportSuite):
             return
         outlet = here.outlet(topic(name, qos))
         outlet.send(blob(here, b"old"))
-        _let_pass(2 * _LIFESPAN)
+        _let_lifespan_pass()
         inbox = subscribe(there, topic(name, qos))
         _until(lambda: not inbox.empty(), outlet, here, b"fresh")
         assert inbox.get_nowait() == b"fresh"
@@ -284,9 +284,9 @@ def _until(condition: Callable[[], object], outlet: Outlet, transport: Transport
     wait_until(tried)
 
 
-def _let_pass(seconds: float) -> None:
-    end = time.monotonic() + seconds
-    wait_until(lambda: time.monotonic() >= end, SOON + seconds)
+def _let_lifespan_pass() -> None:
+    end = time.monotonic() + 2 * _LIFESPAN
+    wait_until(lambda: time.monotonic() >= end, SOON + 2 * _LIFESPAN)
 
 
 # -- topics as the runtime subscribes to them ---------------------------------

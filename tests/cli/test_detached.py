@@ -15,6 +15,7 @@ import pytest
 from robocomp_py.testing.patience import SOON, wait_until
 
 from .losing import UNHEARD
+from .programs import alive
 
 WORK = """
 import os, signal, subprocess, sys, time
@@ -54,14 +55,6 @@ def started(steps: str = "pass", before: str = "") -> Iterator[subprocess.Popen[
             yield waiting
         finally:
             waiting.kill()
-
-
-def alive(pid: int) -> bool:
-    """Whether a process is there, and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])

@@ -20,7 +20,7 @@ from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.test_run import make, running
-from ..tools.test_commands import Talker
+from ..tools.talkers import Talker
 
 Said = pytest.CaptureFixture[str]
 

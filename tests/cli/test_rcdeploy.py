@@ -9,9 +9,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -20,6 +18,8 @@ from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.shm.room import prefix
+
+from .programs import Program, alive, network_of, running
 
 Said = pytest.CaptureFixture[str]
 
@@ -38,7 +38,7 @@ Deployment net {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A server, a client, and their network; and a component that stands for programs of one's own."""
+    """A server, a client, and their network."""
     root = tmp_path_factory.mktemp("deploy")
     assert rcgen(["--new", "Hello", "-o", str(root / "hello")]) == 0
     (root / "asker").mkdir()
@@ -50,67 +50,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         + '\n    def finish(self) -> None:\n        self.log.info("asked: %s", self.hello_proxy.greet("Ada"))\n'
     )
     (root / "net.ddsl").write_text(NETWORK)
-    (root / "program.cdsl").write_text("Component program { language python; };")
     return root
-
-
-def network_of(folder: Path, **programs: str) -> Path:
-    """A network of shell scripts."""
-    blocks = ""
-    for name, text in programs.items():
-        script = folder / f"{name}.sh"
-        script.write_text(f"#!/bin/sh\n{text}\n")
-        script.chmod(0o755)
-        blocks += f'    Component {name} : program {{ path "{name}.sh"; }};\n'
-    path = folder / f"{'-'.join(programs)}.ddsl"
-    path.write_text(f'import "program.cdsl";\nDeployment programs {{\n{blocks}}};\n')
-    return path
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=SOON * 6)
-
-
-class Deployer(subprocess.Popen[str]):
-    """A running `rcdeploy`, and what it has said so far."""
-
-    def __init__(self, *arguments: object) -> None:
-        command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", *map(str, arguments)]
-        super().__init__(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.lines: list[str] = []
-        self.reader = threading.Thread(target=self._read)
-        self.reader.start()
-
-    def _read(self) -> None:
-        assert self.stdout is not None
-        self.lines.extend(self.stdout)
-
-    def wait_for(self, text: str) -> None:
-        wait_until(lambda: any(text in line for line in self.lines) or self.poll() is not None, SOON * 3, text)
-        assert any(text in line for line in self.lines), self.lines
-
-
-@contextmanager
-def deployed(*arguments: object) -> Iterator[Deployer]:
-    deployer = Deployer(*arguments)
-    try:
-        yield deployer
-        deployer.wait(SOON * 3)
-    finally:
-        deployer.kill()
-        deployer.wait()
-        deployer.reader.join()
-        assert deployer.stdout is not None
-        deployer.stdout.close()
-
-
-def alive(pid: int) -> bool:
-    """Whether a process is there, and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def test_a_network_is_started_in_order_run_for_a_while_and_stopped(folder: Path) -> None:
@@ -155,7 +100,7 @@ def test_the_launcher_of_a_network_is_notified_of_ready_and_stopping(
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_stops_everything(folder: Path, number: int, code: int) -> None:
-    with deployed(folder / "net.ddsl") as deployer:
+    with running("rcdeploy", folder / "net.ddsl") as deployer:
         deployer.wait_for("are ready")
         deployer.send_signal(number)
     assert deployer.returncode == code
@@ -163,7 +108,7 @@ def test_a_signal_stops_everything(folder: Path, number: int, code: int) -> None
 
 
 def test_a_mission_that_ends_ends_the_network(folder: Path) -> None:
-    path = network_of(folder, mission="sleep 0.2; echo accomplished", helper="exec sleep 600")
+    path = network_of(folder, "programs", mission="sleep 0.2; echo accomplished", helper="exec sleep 600")
     result = run(path, "--until", "mission")
     assert result.returncode == 0, result.stdout
     assert "mission │ accomplished" in result.stdout
@@ -172,13 +117,13 @@ def test_a_mission_that_ends_ends_the_network(folder: Path) -> None:
 
 def test_a_failure_is_printed_once_and_what_led_to_it_too(folder: Path) -> None:
     breaks = "echo about to break; while ! [ -e break ]; do sleep 0.02; done; exit 3"
-    path = network_of(folder, fragile=breaks, sturdy="exec sleep 600")
-    with deployed(path) as deployer:
+    path = network_of(folder, "programs", fragile=breaks, sturdy="exec sleep 600")
+    with running("rcdeploy", path) as deployer:
         deployer.wait_for("are ready")
         (folder / "break").touch()
         deployer.wait_for("fragile ended with exit code 3")
         deployer.send_signal(signal.SIGINT)
-    said = "".join(deployer.lines)
+    said = "\n".join(deployer.lines)
     assert (said.count("about to break"), said.count("ended with exit code 3")) == (1, 1)
     assert deployer.returncode == 1
 
@@ -197,7 +142,7 @@ def test_a_component_that_cannot_start_stops_the_network(folder: Path) -> None:
 
 
 def test_a_program_that_cannot_be_started_fails_with_the_reason(folder: Path) -> None:
-    path = network_of(folder, broken="")
+    path = network_of(folder, "programs", broken="")
     (folder / "broken.sh").write_text("#!/no/such/interpreter\n")
     result = run(path)
     assert result.returncode == 1
@@ -205,8 +150,8 @@ def test_a_program_that_cannot_be_started_fails_with_the_reason(folder: Path) ->
 
 
 def test_a_second_signal_kills_what_does_not_stop(folder: Path) -> None:
-    path = network_of(folder, stubborn="trap '' TERM; echo here; while true; do sleep 0.1; done")
-    with deployed(path) as deployer:
+    path = network_of(folder, "programs", stubborn="trap '' TERM; echo here; while true; do sleep 0.1; done")
+    with running("rcdeploy", path) as deployer:
         deployer.wait_for("here")
         deployer.send_signal(signal.SIGINT)
         deployer.wait_for("stopping")
@@ -263,7 +208,7 @@ def test_a_program_of_ones_own_need_not_be_generated(tmp_path: Path) -> None:
 
 def test_characters_that_the_output_lacks_are_replaced(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
-    result = run(network_of(folder, polite="echo 'buenos días'"))
+    result = run(network_of(folder, "programs", polite="echo 'buenos días'"))
     assert result.returncode == 0, result.stderr
     assert "polite | buenos d?as" in result.stdout
     assert "Traceback" not in result.stderr
@@ -277,7 +222,7 @@ def run_without_room(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_network_goes_on_when_its_output_cannot_be_written(folder: Path) -> None:
-    path = network_of(folder, worker="echo one; echo two; touch went-on")
+    path = network_of(folder, "programs", worker="echo one; echo two; touch went-on")
     result = run_without_room(path)
     assert (folder / "went-on").exists()
     assert result.returncode == 0
@@ -287,7 +232,7 @@ def test_a_network_goes_on_when_its_output_cannot_be_written(folder: Path) -> No
 
 
 def test_a_network_needs_no_output(folder: Path) -> None:
-    path = network_of(folder, worker="echo one; touch without-output")
+    path = network_of(folder, "programs", worker="echo one; touch without-output")
     command = ["sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(path)]
     result = subprocess.run(command, stderr=subprocess.PIPE, text=True, timeout=SOON * 6)
     assert (result.returncode, result.stderr) == (0, "")
@@ -318,8 +263,8 @@ sys.exit(main([{str(folder / "net.ddsl")!r}]))
 
 
 def test_what_a_component_started_ends_with_it(folder: Path) -> None:
-    path = network_of(folder, parent="sleep 600 & echo child $!; exec sleep 600")
-    with deployed(path) as deployer:
+    path = network_of(folder, "programs", parent="sleep 600 & echo child $!; exec sleep 600")
+    with running("rcdeploy", path) as deployer:
         deployer.wait_for("child")
         child = int(next(line for line in deployer.lines if "child" in line).split()[-1])
         assert alive(child)
@@ -333,10 +278,11 @@ def test_no_process_survives_a_killed_deployer_and_nothing_is_left(
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     path = network_of(
         folder,
+        "programs",
         parent="echo parent $$; sleep 600 & echo child $!; exec sleep 600",
         stubborn="trap '' TERM HUP; echo stubborn $$; while true; do sleep 0.1; done",
     )
-    with deployed(path) as deployer:
+    with running("rcdeploy", path) as deployer:
         for word in ("parent │ parent", "child", "stubborn │ stubborn"):
             deployer.wait_for(word)
         pids = [int(line.split()[-1]) for line in deployer.lines if line.split()[-1].isdigit()]
@@ -362,9 +308,9 @@ def left_in(run_time: Path) -> set[str]:
     return {each for each in inside | shared if not each.startswith("deploy/net/logs/")}
 
 
-def killed(*arguments: object, too: bool = False) -> Deployer:
+def killed(*arguments: object, too: bool = False) -> Program:
     """A network whose components were all killed at once, and who ran it as well, if so."""
-    with deployed(*arguments) as deployer:
+    with running("rcdeploy", *arguments) as deployer:
         deployer.wait_for("are ready")
         found = json.loads(run("status", "net", "--json").stdout)
         if too:
@@ -398,7 +344,7 @@ def test_components_of_a_killed_deployer_still_finish(folder: Path) -> None:
         before.replace("        self.log.info(", f"        open({str(log)!r}, 'w').close()\n        self.log.info(")
     )
     try:
-        with deployed(folder / "net.ddsl") as deployer:
+        with running("rcdeploy", folder / "net.ddsl") as deployer:
             deployer.wait_for("are ready")
             deployer.kill()
         wait_until(log.exists)
@@ -407,7 +353,9 @@ def test_components_of_a_killed_deployer_still_finish(folder: Path) -> None:
 
 
 def test_a_flood_of_output_and_endless_lines_are_passed_on(folder: Path) -> None:
-    path = network_of(folder, noisy="head -c 300000 /dev/zero | tr '\\0' x; echo; yes | head -n 2000; printf last")
+    path = network_of(
+        folder, "programs", noisy="head -c 300000 /dev/zero | tr '\\0' x; echo; yes | head -n 2000; printf last"
+    )
     result = run(path)
     assert result.returncode == 0
     assert result.stdout.count("x") >= 300_000
@@ -416,7 +364,7 @@ def test_a_flood_of_output_and_endless_lines_are_passed_on(folder: Path) -> None
 
 
 def test_nothing_starts_while_anything_is_wrong(folder: Path) -> None:
-    path = network_of(folder, innocent="touch innocent-was-here")
+    path = network_of(folder, "programs", innocent="touch innocent-was-here")
     path.write_text(path.read_text().replace("};\n};", "};\n    Component ghost { };\n};"))
     result = run(path)
     assert result.returncode == 1
@@ -434,7 +382,7 @@ def test_the_plan_shows_what_would_run(folder: Path, capsys: pytest.CaptureFixtu
 def test_a_command_that_the_plan_prints_runs_as_the_network_would_run_it(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = network_of(folder, program='echo "$MOOD in $PWD"')
+    path = network_of(folder, "programs", program='echo "$MOOD in $PWD"')
     path.write_text(path.read_text().replace('path "', 'env MOOD "it\'s $(fine)"; path "'))
     monkeypatch.chdir(tmp_path)
     assert rcdeploy(["plan", str(path)]) == 0

@@ -21,22 +21,9 @@ from robocomp_py.deploy.ring import Line
 from robocomp_py.testing.patience import SOON, wait_until
 
 from .losing import UNHEARD, run_losing
+from .programs import network_of
 
 Said = pytest.CaptureFixture[str]
-
-
-def network_of(folder: Path, name: str, **programs: str) -> Path:
-    """A network of shell scripts."""
-    (folder / "program.cdsl").write_text("Component program { language python; };")
-    blocks = ""
-    for program, text in programs.items():
-        script = folder / f"{program}.sh"
-        script.write_text(f"#!/bin/sh\n{text}\n")
-        script.chmod(0o755)
-        blocks += f'    Component {program} : program {{ path "{program}.sh"; }};\n'
-    path = folder / f"{name}.ddsl"
-    path.write_text(f'import "program.cdsl";\nDeployment {name} {{\n{blocks}}};\n')
-    return path
 
 
 def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:

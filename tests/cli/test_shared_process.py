@@ -6,11 +6,6 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,7 +13,8 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.testing.patience import SOON, wait_until
+
+from .programs import running
 
 ASKER = """
 import "../../hello/Hello.idsl";
@@ -64,42 +60,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         hooks = text if code == ASKING else text[:begin]
         worker.write_text(hooks.replace("\nclass ", "\nSEEN: list[str] = []\n\n\nclass ", 1) + code)
     return root
-
-
-class Program(subprocess.Popen[str]):
-    """A program that runs, and what it has said so far."""
-
-    def __init__(self, module: str, *arguments: object) -> None:
-        command = [sys.executable, "-m", f"robocomp_py.cli.{module}", *map(str, arguments)]
-        super().__init__(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.lines: list[str] = []
-        self.reader = threading.Thread(target=self._read)
-        self.reader.start()
-
-    def _read(self) -> None:
-        assert self.stdout is not None
-        self.lines.extend(line.rstrip("\n") for line in self.stdout)
-
-    def wait_for(self, *texts: str) -> None:
-        def all_said() -> bool:
-            return all(any(text in line for line in self.lines) for text in texts)
-
-        wait_until(lambda: all_said() or self.poll() is not None, SOON * 3, ", ".join(texts))
-        assert all_said(), self.lines
-
-
-@contextmanager
-def running(module: str, *arguments: object) -> Iterator[Program]:
-    program = Program(module, *arguments)
-    try:
-        yield program
-        program.wait(SOON * 3)
-    finally:
-        program.kill()
-        program.wait()
-        program.reader.join()
-        assert program.stdout is not None
-        program.stdout.close()
 
 
 def test_each_has_its_own_options_and_variables_and_they_end_backwards(folder: Path) -> None:

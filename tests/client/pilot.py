@@ -41,7 +41,7 @@ class SpecificWorker(GenericWorker):
 
 
 @contextmanager
-def flying(folder: Path, middleware: str = "shm") -> Iterator[None]:
+def flying(folder: Path) -> Iterator[None]:
     """While entered, `pilot` runs; its files are made in `folder`."""
     component = folder / "pilot"
     component.mkdir()
@@ -49,5 +49,5 @@ def flying(folder: Path, middleware: str = "shm") -> Iterator[None]:
     (component / "pilot.cdsl").write_text(CDSL)
     assert rcgen.main([str(component / "pilot.cdsl")]) == 0
     (component / "specificworker.py").write_text(CODE)
-    with running(make(load_worker(component), find_transport, f"middleware={middleware}", name="pilot")):
+    with running(make(load_worker(component), find_transport, "middleware=shm", name="pilot")):
         yield

@@ -22,8 +22,6 @@ from robocomp_py.client import Connection
 from robocomp_py.client.plotting import numbers_below, part_of
 from robocomp_py.client.session import NotThere
 from robocomp_py.client.values import Record, Types, record
-from robocomp_py.contract.component import Component, Port
-from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.types import FLOAT64, INT32, STRING, Enumeration, ExceptionType, Field, Sequence, Struct
 from robocomp_py.deploy.place import Place
 from robocomp_py.errors import (
@@ -38,43 +36,25 @@ from robocomp_py.errors import (
     Timeout,
     Unreachable,
 )
-from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.network import NotUnderstood
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Diary
-from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
+from ..runtime.test_middlewares import MIDDLEWARES, Station
 from ..runtime.test_run import make, running
+from ..tools import talkers
+from ..tools.talkers import Listener
 from .pilot import flying
 
 TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
 
 
-class Talker(Station):
-    """Publishes all the time."""
-
-    component = Station.component
-    number = 0
-
-    def compute(self) -> None:
-        self.number += 1
-        self.everything_proxy.news(self.number, "hello")
-
+class Talker(talkers.Talker):
     def Everything_work(self, task: str) -> str:
         if task == "fail":
             raise RuntimeError("it is broken")
         return task.upper()
-
-    def Everything_poke(self, number: int) -> None:
-        self.entries.append(f"poked {number}")
-
-
-class Listener(Diary):
-    component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),), period=0.005)
-
-    def Everything_news(self, number: int, text: str) -> None:
-        self.entries.append(f"{number} {text}")
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.deploy.agents import Abandoned, Listener
+from robocomp_py.deploy.agents import Abandoned
 from robocomp_py.deploy.launcher import cgroups, forking, forkserver, leftovers, local, traces
 from robocomp_py.deploy.launcher.birth import PADDING, Birth, adopt_orphans
 from robocomp_py.deploy.launcher.forking import forkable
@@ -29,6 +29,8 @@ from robocomp_py.deploy.place import AlreadyRuns, Place
 from robocomp_py.deploy.plan import Process
 from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON, wait_until
+
+from .told import Told
 
 FOREVER = "import signal; signal.pause()"
 NOTIFY = """
@@ -48,30 +50,12 @@ print(child.pid, flush=True)
 """Starts a child that leaves its session."""
 
 
-class Heard(Listener):
-    """Remembers what is told, by its kind and the name."""
-
-    def __init__(self) -> None:
-        self.told: list[tuple[Any, ...]] = []
+class Heard(Told):
+    """Takes a repeated line of output once."""
 
     def output(self, name: str, line: str) -> None:
         if ("output", name, line) not in self.told:
-            self.told.append(("output", name, line))
-
-    def ready(self, name: str) -> None:
-        self.told.append(("ready", name))
-
-    def status(self, name: str, text: str) -> None:
-        self.told.append(("status", name, text))
-
-    def left(self, name: str, instance: str) -> None:
-        self.told.append(("left", name, instance))
-
-    def hung(self, name: str) -> None:
-        self.told.append(("hung", name))
-
-    def exited(self, name: str, code: int) -> None:
-        self.told.append(("exited", name, code))
+            super().output(name, line)
 
     def lost(self, host: str, why: str) -> None:
         raise AssertionError("this is the only host")

@@ -2,9 +2,10 @@
 
 A page is made of a title (the code), a line `error · IDSL, CDSL`, what it means, and two sections, `## Wrong` and
 `## Right`. In a section stand files: fenced, each below a line with its name in bold (`example` and the ending of its
-language, if it has none). Behind the name may stand how it is saved: `, executable`, or `, saved as Latin-1`. A
-`console` block tells with which commands they are checked; if there is none, all files are, as by `rc lint`. The `text`
-block is what is said then, to the letter, where `...` stands for anything.
+language, if it has none). Behind the name may stand how it is saved: `, executable`, or `, saved as Latin-1`.
+`## Right` leaves out files that stay as they are, unless it begins with "These files alone:". A `console` block tells
+with which commands the files are checked; if there is none, all are, as by `rc lint`. The `text` block is what is said
+then, to the letter, where `...` stands for anything.
 """
 
 from __future__ import annotations
@@ -145,9 +146,11 @@ def read_page(path: Path) -> Page:
     if found is None:
         raise ValueError(f"{path.name} does not begin as a page does")
     languages = tuple(found["languages"].split(", "))
-    return Page(
-        path, found["code"], found["severity"], languages, found["meaning"].strip(), _example(wrong), _example(right)
-    )
+    before, after = _example(wrong), _example(right)
+    if "These files alone:" not in right:
+        changed = {each.name for each in after.files}
+        after.files += [each for each in before.files if each.name not in changed]
+    return Page(path, found["code"], found["severity"], languages, found["meaning"].strip(), before, after)
 
 
 def read_pages() -> list[Page]:
@@ -195,8 +198,8 @@ _INTRODUCTION = """\
 # Diagnostics
 
 Every message of `rc lint`, `rcgen`, `rcdeploy` and the editors has a code in brackets, which stays the same in all
-versions. Each code has a page here with a meaning, a wrong example and a right one. `rc lint --explain CODE` prints
-it.
+versions. Each code has a page here with a meaning, a wrong example and a right one, which leaves out files that stay
+as they are. `rc lint --explain CODE` prints the page.
 
 An error prevents generation and start; a warning does not. One run reports all independent mistakes, each once, and
 suggests similar names.

@@ -34,8 +34,8 @@ def house(tmp_path: Path) -> Path:
     return path
 
 
-def changed_lines(before: str, after: str) -> list[str]:
-    compared = difflib.ndiff(before.splitlines(), after.splitlines())
+def changed_lines(after: str) -> list[str]:
+    compared = difflib.ndiff(HOUSE.splitlines(), after.splitlines())
     return [line for line in compared if line[:1] in "+-"]
 
 
@@ -60,7 +60,7 @@ def test_saving_twice_gives_the_same_bytes(house: Path) -> None:
 def test_an_attribute_changes_alone(house: Path) -> None:
     tree = Tree.read(house)
     tree.set_value("world", "tx", 2.25)
-    assert changed_lines(HOUSE, text_of(tree, house)) == [
+    assert changed_lines(text_of(tree, house)) == [
         "- \t<Transform  id='world'   tx=\"1.50\">",
         "+ \t<Transform  id='world'   tx=\"2.25\">",
     ]
@@ -86,7 +86,7 @@ def test_a_thousand_edits_change_only_their_attributes(house: Path) -> None:
         name, attribute = [("world", "tx"), ("table", "tx"), ("floor", "ny")][random.integers(3)]
         value = float(np.round(random.uniform(-5000, 5000), 3))
         tree.set_value(name, attribute, value)
-        removed, added = changed_lines(HOUSE, text_of(tree, house))
+        removed, added = changed_lines(text_of(tree, house))
         told = re.compile(rf"(?<= {attribute}=)(?P<quote>['\"]).*?(?P=quote)")
         assert told.sub("", removed[2:]) == told.sub("", added[2:]) != added[2:]
         house_again = house.with_name("again.xml")
@@ -116,7 +116,7 @@ def test_nodes_are_added_with_indentation(house: Path) -> None:
 def test_removed_nodes_are_cut_out(house: Path) -> None:
     tree = Tree.read(house)
     tree.remove("floor")
-    assert changed_lines(HOUSE, text_of(tree, house)) == [
+    assert changed_lines(text_of(tree, house)) == [
         '- \t\t<plane id="floor" ny="1"',
         '- \t\t       size="-4000, 4000,10" texture="a&amp;b.png"/>',
     ]

@@ -24,7 +24,8 @@ from robocomp_py.wire.cdr import Cdr
 from ..runtime.components import Calculator, Stuck
 from ..runtime.test_run import make, running
 from ..runtime.test_telling import Asking, Hasty
-from .test_commands import Talker, complained, said
+from .talkers import Talker
+from .test_commands import complained, said
 
 PATIENCE = ("--timeout", f"{5 * SOON:g}")
 

@@ -33,33 +33,12 @@ from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.directory import Directory, state_of
 from robocomp_py.transports.members import Entry
 
-from ..runtime.components import Calculator, Diary
+from ..runtime.components import Calculator
 from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
 from ..runtime.test_run import make, running
+from .talkers import Listener, Talker
 
 TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
-
-
-class Talker(Station):
-    """Publishes all the time."""
-
-    component = Station.component
-    number = 0
-    texts = ("hello",)
-
-    def compute(self) -> None:
-        self.number += 1
-        self.everything_proxy.news(self.number, self.texts[self.number % len(self.texts)])
-
-    def Everything_poke(self, number: int) -> None:
-        self.entries.append(f"poked {number}")
-
-
-class Listener(Diary):
-    component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=RELIABLE),), period=0.005)
-
-    def Everything_news(self, number: int, text: str) -> None:
-        self.entries.append(f"{number} {text}")
 
 
 @pytest.fixture(params=TELLERS)

@@ -50,7 +50,7 @@ from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..runtime.components import Calculator, Pupil
 from ..runtime.test_run import make, running
-from .test_commands import Talker
+from .talkers import Talker
 
 GB = 1 << 30
 

@@ -36,8 +36,8 @@ from robocomp_py.transports.base import find_transport
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Diary, Tuned
-from ..runtime.test_middlewares import Station
 from ..runtime.test_run import make, running
+from .talkers import Talker
 
 LONG = 6 * SOON
 """Seconds for a client and its server, which may be a process that has to start."""
@@ -68,20 +68,6 @@ PLAN = {
     "ours": {name: {"channels": prefix} for name, prefix in PREFIXES.items()},
     "allow": ALLOW,
 }
-
-
-class Talker(Station):
-    """Publishes all the time."""
-
-    component = Station.component
-    number = 0
-
-    def compute(self) -> None:
-        self.number += 1
-        self.everything_proxy.news(self.number, "hello")
-
-    def Everything_poke(self, number: int) -> None:
-        self.entries.append(f"poked {number}")
 
 
 class Ear(Diary):

@@ -33,10 +33,8 @@ from tests.freeports import free_port
 
 from ..deploy.security_network import DAY, NOW, addressed, made, network, way
 from .test_zenoh import joined
-from .test_zeromq_far import Tap
+from .test_zeromq_far import DIVIDE, MOVE, Tap, divide, quotient
 
-DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
-MOVE = Channel("robot/camera/Everything/move", Pattern.COMMAND, TypeRef("", 7, "move"))
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 NEWS = Channel("robot/camera/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text), LATCHED)
 COUNT = Channel("robot/camera/Everything/count", Pattern.QUERY, TypeRef("", 3, "count"))
@@ -116,31 +114,9 @@ def world(folder: Path) -> Iterator[World]:
     opened.close()
 
 
-def divide(transport: ZenohTransport, executed: list[object] | None = None) -> Any:
-    decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
-
-    def service(payload: Any, _: float) -> Reply:
-        dividend, divisor = decode(payload)
-        if executed is not None:
-            executed.append((dividend, divisor))
-        return Reply(Status.OK, encode(divmod(dividend, divisor)))
-
-    return transport.server(DIVIDE, service)
-
-
 def answers(session: zenoh.Session, key: str) -> list[bytes]:
     """What is answered to a question, if anything is, and not that the time is over."""
     return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=1.0) if reply.ok]
-
-
-def quotient(transport: ZenohTransport, *numbers: int) -> object:
-    caller = transport.caller(DIVIDE)
-    try:
-        assert caller.wait_peer(SOON)
-        payload = transport.codec.encoder(e.divide.request)(numbers)
-        return transport.codec.decoder(e.divide.response)(caller.ask(payload, SOON).payload)
-    finally:
-        caller.close()
 
 
 def test_along_its_edges_a_component_calls_commands_and_hears(world: World) -> None:

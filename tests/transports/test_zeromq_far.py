@@ -23,7 +23,7 @@ from robocomp_py.errors import ConfigurationError, Timeout, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.parts import in_time
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef, wait_connected
+from robocomp_py.transports.base import Channel, Reply, Status, Transport, TransportConfig, TypeRef, wait_connected
 from robocomp_py.transports.keyfiles import Rights, read_public
 from robocomp_py.transports.members import Entry
 from robocomp_py.transports.senders import delivered, signing
@@ -101,7 +101,7 @@ def hosts(keys: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hosts]:
         opened.close()
 
 
-def divide(transport: ZeroMQTransport, executed: list[object] | None = None) -> Any:
+def divide(transport: Transport, executed: list[object] | None = None) -> Any:
     decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
 
     def service(payload: Any, _: float) -> Reply:
@@ -113,7 +113,7 @@ def divide(transport: ZeroMQTransport, executed: list[object] | None = None) -> 
     return transport.server(DIVIDE, service)
 
 
-def quotient(transport: ZeroMQTransport, *numbers: int) -> object:
+def quotient(transport: Transport, *numbers: int) -> object:
     caller = transport.caller(DIVIDE)
     try:
         assert caller.wait_peer(SOON)

@@ -81,10 +81,6 @@ class BoundedQueue:
         self._waiting.append(item)
         return True
 
-    def put_back(self, items: list[Any]) -> None:
-        """Let these come first."""
-        self._waiting.extendleft(reversed(items))
-
     def get(self) -> Any:
         return self._waiting.popleft()
 

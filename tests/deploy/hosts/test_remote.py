@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,6 @@ from typing import Any
 import asyncssh
 import pytest
 
-from robocomp_py.deploy.agents import Listener
 from robocomp_py.deploy.hosts import ssh
 from robocomp_py.deploy.hosts.lines import VERSION
 from robocomp_py.deploy.hosts.remote import RemoteAgent, Share
@@ -27,42 +26,12 @@ from robocomp_py.deploy.process import Process
 from robocomp_py.errors import DeploymentError, HostUnreachable
 from robocomp_py.testing.patience import SOON
 
+from ..told import Told
+
 FOREVER = "import os, time; print(os.getpid(), flush=True); time.sleep(1000)"
 
 
-class Heard(Listener):
-    """Remembers what it is told."""
-
-    def __init__(self) -> None:
-        self.told: list[tuple[Any, ...]] = []
-
-    def output(self, name: str, line: str) -> None:
-        self.told.append(("output", name, line))
-
-    def ready(self, name: str) -> None:
-        self.told.append(("ready", name))
-
-    def status(self, name: str, text: str) -> None:
-        self.told.append(("status", name, text))
-
-    def left(self, name: str, instance: str) -> None:
-        self.told.append(("left", name, instance))
-
-    def contract(self, name: str, instance: str, operations: Mapping[str, str]) -> None:
-        self.told.append(("contract", name, instance, operations))
-
-    def hung(self, name: str) -> None:
-        self.told.append(("hung", name))
-
-    def exited(self, name: str, code: int) -> None:
-        self.told.append(("exited", name, code))
-
-    def lost(self, host: str, why: str) -> None:
-        self.told.append(("lost", host, why))
-
-    def back(self, host: str) -> None:
-        self.told.append(("back", host))
-
+class Heard(Told):
     async def hears(self, *words: Any, times: int = 1) -> tuple[Any, ...]:
         """What is told that begins so, once it was told so often."""
 

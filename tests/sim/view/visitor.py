@@ -80,8 +80,8 @@ class Visitor:
         self._send(messages.TransformControlsUpdateMessage(name, turn, place, owner))  # type: ignore[arg-type]
         self._send(messages.TransformControlsDragEndMessage(name, owner))
 
-    def awaits(self, condition: Callable[[], object], what: str = "") -> None:
-        wait_until(condition, what=what)
+    def awaits(self, condition: Callable[[], object]) -> None:
+        wait_until(condition)
 
     def _owner(self, name: str) -> str:
         return str(self.scene[name].get("owner", ""))

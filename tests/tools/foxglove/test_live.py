@@ -29,7 +29,7 @@ from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
 from ...runtime.test_run import make, running
-from ..test_commands import Talker
+from ..talkers import Talker
 
 SCAN = Operation[Any](
     "RoboCompLaserPub::LaserPub",

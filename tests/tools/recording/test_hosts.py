@@ -25,7 +25,7 @@ from robocomp_py.wire.cdr import Cdr
 from ...runtime.test_run import make, running
 from .. import elsewhere
 from ..foxglove.test_live import connected, served
-from ..test_commands import Talker
+from ..talkers import Talker
 
 CHANNEL = "talker/Everything/news"
 

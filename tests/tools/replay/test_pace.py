@@ -71,8 +71,8 @@ class Script:
         self.sent.append((self.now / S, topic))
         self.now += self.slow
 
-    def played(self, positions: list[float], *, is_paused: bool = False) -> Player:
-        player = Player(Pace(0, is_paused=is_paused), self, self.send, lambda pace, now: None, lambda: self.now)
+    def played(self, positions: list[float]) -> Player:
+        player = Player(Pace(0), self, self.send, lambda pace, now: None, lambda: self.now)
         player.play(Upcoming(int(at * S), str(at), b"") for at in positions)
         return player
 
