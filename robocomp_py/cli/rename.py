@@ -61,11 +61,12 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 @dataclass
 class _Changes:
-    """Files before and after the renaming, and the places that the user has to check."""
+    """Files before and after the renaming, and what the user has to check."""
 
     before: dict[Path, bytes] = field(default_factory=dict)
     after: dict[Path, bytes] = field(default_factory=dict)
     left: list[str] = field(default_factory=list)
+    """Lines about what is left to the user: `PATH:LINE: TEXT`."""
     outdated: list[Path] = field(default_factory=list)
     """Models of components that have to be generated again."""
 
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 
     try:
         folder = options.folder or _around(options.file)
-        changes = _changes(options.file, options.old, options.new, folder, options.include)
+        changes = _collected(options.file, options.old, options.new, folder, options.include)
     except CannotRename as exc:
         return complain(f"rc rename: {and_then(str(exc), 'nothing was changed')}")
     except ModuleNotFoundError as exc:
@@ -108,12 +109,13 @@ def _around(file: Path) -> Path:
     return Path(".") if Path.cwd() in file.resolve().parents else file.parent
 
 
-def _agreed(number: int) -> bool:
+def _agreed(files: int) -> bool:
+    """Ask whether to change this number of files."""
     if not sys.stdin.isatty():
         complain("rc rename: nothing was changed: cannot ask, since stdin is not a terminal; use --yes")
         return False
     try:
-        answer = input(f"Change {number} file{'' if number == 1 else 's'}? [y/N] ")
+        answer = input(f"Change {files} file{'' if files == 1 else 's'}? [y/N] ")
     except EOFError:
         answer = ""
     if answer.strip().lower() in ("y", "yes"):
@@ -122,7 +124,7 @@ def _agreed(number: int) -> bool:
     return False
 
 
-def _changes(file: Path, old: str, new: str, folder: Path, include: Iterable[Path]) -> _Changes:
+def _collected(file: Path, old: str, new: str, folder: Path, include: Iterable[Path]) -> _Changes:
     from ..lsp.edits import apply
     from ..lsp.index import Index
     from ..lsp.outline import Kind

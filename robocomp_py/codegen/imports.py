@@ -29,25 +29,20 @@ TYPES = (
 )
 """Names of `runtime.api` that modules of types use."""
 
-API = (
-    *TYPES,
-    *("Component", "Durability", "History", "Liveliness", "Parameter", "ParameterKind", "ParameterList"),
-    *(
-        "Parameters",
-        "ParameterSet",
-        "PeriodicTimer",
-        "Port",
-        "QoS",
-        "Reliability",
-        "State",
-        "StateMachine",
-        "Transition",
-        "Trigger",
-    ),
-    *("Machine", "Verb", "Worker"),
+COMPONENT = (
+    *("Component", "Durability", "History", "Liveliness", "Machine", "Parameter", "ParameterKind", "ParameterList"),
+    *("Parameters", "ParameterSet", "PeriodicTimer", "Port", "QoS", "Reliability", "State", "StateMachine"),
+    *("Transition", "Trigger", "Verb", "Worker"),
 )
-ACTIONS = ("ServerGoal",)
-NAMED = ("InstanceHandler", "NamedHandlers", "NamedProxies")
+"""Further names of `runtime.api`, which modules of components use."""
+
+API = (*TYPES, *COMPONENT)
+OURS = {
+    "robocomp_py.actions.api": ("ServerGoal",),
+    "robocomp_py.runtime.api": API,
+    "robocomp_py.runtime.instances": ("InstanceHandler", "NamedHandlers", "NamedProxies"),
+    "robocomp_py.testing.fakes": ("Fake",),
+}
 BUILTINS = ("bool", "dict", "float", "int", "list", "str", "tuple")
 
 
@@ -64,25 +59,17 @@ def import_statements(
     used: Collection[str], siblings: Collection[str], package: str, handlers: Sequence[str] = ()
 ) -> str:
     """The imports of these names, ordered and laid out as formatters do."""
-    standard = [import_from(source, names) for source, names in _using(STANDARD, used)]
-    standard = [*(f"import {name}" for name in ("builtins", "typing") if name in used), *standard]
+    standard = [f"import {name}" for name in ("builtins", "typing") if name in used]
+    standard += _imports(STANDARD, used)
     libraries = ["import numpy as np"] if "np" in used else []
-    libraries += [import_from(source, names) for source, names in _using(NUMPY, used)]
+    libraries += _imports(NUMPY, used)
     libraries += ["from robocomp_py.actions import api as _actions"] if "_actions" in used else []
-    libraries += [import_from(source, names) for source, names in _using({"robocomp_py.actions.api": ACTIONS}, used)]
-    libraries += [import_from(source, names) for source, names in _using({"robocomp_py.runtime.api": API}, used)]
-    libraries += [
-        import_from(source, names) for source, names in _using({"robocomp_py.runtime.instances": NAMED}, used)
+    libraries += _imports(OURS, used)
+    own = [
+        *_imports({package: tuple(siblings)}, used),
+        *_imports({".generic.genericworker": ("GenericWorker", *handlers)}, used),
+        *_imports({".params": ("PARAMS", "Params")}, used),
     ]
-    libraries += [
-        import_from(source, names) for source, names in _using({"robocomp_py.testing.fakes": ("Fake",)}, used)
-    ]
-    own = [import_from(package, names) for _, names in _using({package: tuple(siblings)}, used)]
-    own += [
-        import_from(source, names)
-        for source, names in _using({".generic.genericworker": ("GenericWorker", *handlers)}, used)
-    ]
-    own += [import_from(".params", names) for _, names in _using({"": ("PARAMS", "Params")}, used)]
     return "\n".join("\n".join(group) + "\n" for group in (standard, libraries, own) if group)
 
 
@@ -131,11 +118,12 @@ def _used(node: ast.AST) -> Iterator[str]:
                 yield from _used(child)
 
 
-def _using(table: Mapping[str, tuple[str, ...]], used: Collection[str]) -> Iterator[tuple[str, list[str]]]:
+def _imports(table: Mapping[str, tuple[str, ...]], used: Collection[str]) -> Iterator[str]:
+    """An import of what is used from each module of a table."""
     for source, names in table.items():
         wanted = [name for name in names if name in used]
         if wanted:
-            yield source, wanted
+            yield import_from(source, wanted)
 
 
 def _order(name: str) -> tuple[int, list[str | int]]:

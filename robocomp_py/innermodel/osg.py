@@ -1,7 +1,7 @@
 """Shapes from `.osg` files: the text format of OpenSceneGraph, before version 3.
 
-A file is blocks in blocks. A word and its values are a line; of a block, the line ends with `{`, or the next one is
-that. What is read: geometries with their transforms and colours. Textures, states and animations are left out.
+A file has nested blocks. A line is a word and its values. The first line of a block ends with `{`, or `{` is the next
+line. Geometries are read, with their transforms and colours. Textures, states and animations are left out.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from .axes import Array
 from .parts import GREY, Part
 
 _DEEPEST = 200
+"""Maximum depth of nested blocks."""
+
 _MOST_VISITS = 100_000
-"""Of blocks, those that are used again included."""
+"""Maximum number of blocks that are read; a block counts each time that it is used."""
 _WORD = re.compile(r'"[^"]*"|[{}]|[^\s{}]+')
 _TRIANGLES = {"TRIANGLES", "TRIANGLE_STRIP", "TRIANGLE_FAN", "QUADS", "QUAD_STRIP", "POLYGON"}
 
@@ -95,12 +97,13 @@ class _Reading:
 
 
 def _pose(block: _Block) -> Array:
+    """The transform that a block applies to those in it, shape (4, 4)."""
     matrix = block.block("Matrix") if block.head and block.head[0].endswith("MatrixTransform") else None
     if matrix:
         return matrix.numbers().reshape(4, 4).T
     made = np.eye(4)
     if block.head and block.head[0].endswith("PositionAttitudeTransform"):
-        x, y, z, w = map(float, block.line("attitude") or "0001")
+        x, y, z, w = map(float, block.line("attitude") or ("0", "0", "0", "1"))
         turn = np.array(
             (
                 (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
@@ -118,6 +121,7 @@ def _pose(block: _Block) -> Array:
 
 
 def _material(block: _Block, colour: Array) -> Array:
+    """Red, green and blue from 0 to 255: of the block's material, or else `colour`."""
     state = block.block("StateSet", "GeoState")
     material = state.block("Material") if state else None
     words = [word for word in (material.line("diffuseColor") if material else []) if word != "FRONT"]
@@ -140,6 +144,7 @@ def _geometry(block: _Block, pose: Array, colour: Array) -> Iterator[Part]:
 
 
 def _colours(block: _Block, faces: NDArray[np.int64], points: int, colour: Array) -> NDArray[np.uint8]:
+    """A colour for each face: the mean of those of its corners, if the geometry has colours. Shape (n, 3)."""
     array = block.block("ColorArray", "Colors")
     binding = block.line("ColorBinding")[:1]
     if array and binding in (["OVERALL"], ["PER_VERTEX"]):
@@ -154,6 +159,7 @@ def _colours(block: _Block, faces: NDArray[np.int64], points: int, colour: Array
 
 
 def _faces(sets: _Block) -> NDArray[np.int64]:
+    """The triangles of all primitives, as numbers of points, shape (n, 3)."""
     found: list[NDArray[np.int64]] = []
     for words in sets.lines:
         if words[0] == "DrawArrays" and len(words) >= 4:

@@ -204,6 +204,8 @@ def _is_file(path: Path) -> bool:
 
 
 class _Reader:
+    """Reads a file and those that it includes, and collects what is wrong."""
+
     def __init__(self, prefixes: Mapping[str, Path], reading: ReadFile) -> None:
         self._prefixes, self._reading = prefixes, reading
         self.documents: list[Document] = []
@@ -212,6 +214,7 @@ class _Reader:
         self._nodes = 0
 
     def file(self, path: Path, chain: tuple[Path, ...]) -> list[Element]:
+        """The elements below the root of a file. `chain` are the files that include it, one another."""
         document = Document(path, b"")
         try:
             document.data = self._reading(path)
@@ -223,19 +226,13 @@ class _Reader:
             most = MOST_BYTES // (1024 * 1024)
             self.error("too-large", f"the file has more than {most} MB", document.place(0, 0))
             return []
-        parsed = _Parser(document, self)
-        parsed.parse()
-        root = document.root
-        return self._checked(root, document, (*chain, _real(path))) if root else []
+        _Parser(document, self).parse()
+        chain = (*chain, _real(path))
+        parts = document.root.parts if document.root else []
+        return [element for part in parts for element in self._checked(part, document, chain)]
 
-    def _checked(self, root: Element, document: Document, chain: tuple[Path, ...]) -> list[Element]:
-        """The elements below a root, checked, with those of included files."""
-        done: list[Element] = []
-        for child in root.parts:
-            done += self._element(child, document, chain)
-        return done
-
-    def _element(self, element: Element, document: Document, chain: tuple[Path, ...]) -> list[Element]:
+    def _checked(self, element: Element, document: Document, chain: tuple[Path, ...]) -> list[Element]:
+        """The element with its children, or those of the file that it includes."""
         if element.tag.name == INCLUDE:
             return self._included(element, document, chain)
         self._nodes += 1
@@ -245,7 +242,7 @@ class _Reader:
             return []
         self._check_id(element)
         for child in element.parts:
-            element.children += self._element(child, document, chain)
+            element.children += self._checked(child, document, chain)
         return [element]
 
     def _included(self, element: Element, document: Document, chain: tuple[Path, ...]) -> list[Element]:
@@ -448,7 +445,7 @@ def _spans(data: bytes, start: int, end: int) -> dict[str, tuple[int, int]]:
 _SHORT_NAMES = {"x": "tx", "y": "ty", "z": "tz"}
 """How the first publications about InnerModel write a translation."""
 
-_POSITIVE = frozenset(("width", "height", "measures", "port", "noise", "mass", "focal", "length"))
+_NEVER_NEGATIVE = frozenset(("width", "height", "measures", "port", "noise", "mass", "focal", "length"))
 """Attributes that may not be negative."""
 
 _HIGHEST_PORT = 65535
@@ -520,7 +517,7 @@ class _Values:
         if math.isnan(value) or (math.isinf(value) and name not in ("min", "max")):
             self._error("wrong-value", f"`{name}` is `{text}`, which is no finite number", name)
             return 0
-        if value < 0 and name in _POSITIVE:
+        if value < 0 and name in _NEVER_NEGATIVE:
             self._error("wrong-value", f"`{name}` is negative", name)
             return 0
         if attribute.kind is not Kind.COUNT:

@@ -1,8 +1,7 @@
 """Tells of calls and log records, on topics that exist only while a tool holds a lease on them.
 
 A call or a log record is only put into a bounded queue, and a thread of each topic publishes it. What does not fit is
-counted.
-Imported with the first lease.
+counted. A component imports this module with the first lease.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ from ..wire import json as values
 from ..wire import names
 from ..wire.cdr import Cdr
 from ..wire.codec import Encoder
-from .calls import Call as Asking
+from . import calls
 from .ports import Proxy
 from .records import RecordFormatter, read
 from .RoboCompIntrospection import INTROSPECTIONPUB_INTERFACE, Call, Record
@@ -144,8 +143,8 @@ class _Topic:
         self._watch: _Watch | None = None
 
     @property
-    def is_here(self) -> bool:
-        """Whether this is the thread that publishes."""
+    def in_own_thread(self) -> bool:
+        """Whether the calling thread is the one that publishes."""
         return threading.current_thread() is self._thread
 
     def begin(self, watch: _Watch) -> None:
@@ -168,7 +167,7 @@ class _Topic:
             self._changed.notify()
 
     def lose(self) -> None:
-        """One could not be told."""
+        """Count one that could not be published."""
         with self._changed:
             self._dropped += 1
 
@@ -180,7 +179,7 @@ class _Topic:
             self._thread.join()
 
     def _run(self) -> None:
-        while not self._ended():
+        while not self._closed_if_over():
             told = self._next()
             if told is None:
                 continue
@@ -200,8 +199,8 @@ class _Topic:
             self._octets -= octets
             return told
 
-    def _ended(self) -> bool:
-        """Whether the last lease is over; then all has been closed."""
+    def _closed_if_over(self) -> bool:
+        """Close the topic if its last lease is over; returns whether it is."""
         if time.monotonic() < self.until and not self._is_stopped:
             return False
         with self._changing:
@@ -218,6 +217,8 @@ class _Topic:
 
 
 class _Calls:
+    """Tells of the queries and commands of a component, as their two hooks begin and end."""
+
     def __init__(self, tallies: Tallies, instance: str, topic: _Topic) -> None:
         self._tallies, self._instance, self._topic = tallies, instance, topic
         self._translations: dict[Tally, _Translation] = {}
@@ -265,7 +266,7 @@ class _Translation:
 
     def __init__(self, tally: Tally) -> None:
         operation = tally.operation
-        self._asking = Asking(operation, tally.route.transport.codec)
+        self._call = calls.Call(operation, tally.route.transport.codec)
         self._request, self._response = Cdr().encoder(operation.request), Cdr().encoder(operation.response)
         self._outputs = len(operation.outputs)
 
@@ -282,7 +283,7 @@ class _Translation:
                 return "ok", "", b""
             if outcome.payload is None and outcome.status is Status.FAILED:  # without a reason: a command, too
                 return "failed", "", b""
-            result = self._asking.result(outcome)
+            result = self._call.result(outcome)
             outputs = result if self._outputs > 1 else (result,) * self._outputs
             return "ok", "", _encoded(self._response, outputs)
         except BaseException as exc:  # it becomes part of the message; the call itself raises it to its caller
@@ -328,7 +329,7 @@ def _reason(exc: BaseException) -> str:
 
 
 def _plain(text: str) -> str:
-    """As every middleware can carry it."""
+    """The text without what some middleware cannot carry: half a surrogate pair, and NUL."""
     return text.encode(errors="backslashreplace").decode().replace("\0", "\ufffd")
 
 
@@ -351,7 +352,7 @@ class _Logs(logging.Handler):
         return getattr(record, "instance", self._instance)  # which a shared process has found out already
 
     def emit(self, record: logging.LogRecord) -> None:
-        if self._topic.is_here or self._speaker(record) not in ("", self._instance):
+        if self._topic.in_own_thread or self._speaker(record) not in ("", self._instance):
             return
         try:
             found = read(self.format(record))

@@ -129,10 +129,12 @@ class CallersSuite(ComponentSuite):
 
     @pytest.fixture
     def start(self, ending: ExitStack) -> Callable[..., Any]:
+        """Starts a component; returns its worker once it is ready."""
+
         def start(kind: type[Worker[Any]], name: str, *sets: str) -> Any:
             document = settings.Document()
-            for each in sets:
-                settings.override(document, each)
+            for assignment in sets:
+                settings.override(document, assignment)
             checked = settings.check(kind.component, document, name)
             running = Running(kind, checked, lambda _: lambda config: self.open_transport(config.owner))
             return started_until(ending, running)

@@ -154,7 +154,7 @@ class VirtualTime:
         self._executor.run(lambda: self.running.is_over, self._executor.now + ns(seconds))
 
     def do(self, call: Callable[[], R]) -> R:
-        if self._executor.is_here:  # in a fake
+        if self._executor.in_own_thread:  # in a fake
             return call()
         result: Future[R] = Future()
         self._executor.do(lambda: fulfil(result, call))

@@ -138,9 +138,9 @@ class Directory:
         self._on_change: Callable[[], object] = _nothing
         self._lock = threading.Lock()
         self._places: dict[str, _Place] = {}
+        """By name: the places that this process looks into."""
         self._files: WeakValueDictionary[str, _File] = WeakValueDictionary()
         """By member: places share the file of a member that is in many of them."""
-        """By name: the places that this process looks into."""
         self._found: dict[tuple[str, str], dict[str, list[Found]]] = {}
         """The results by role and channel, then by member."""
         self._roll_call = 0.0

@@ -184,13 +184,13 @@ class Executor:
         heapq.heappush(self._later, (instant, order, next(self._ages), job))
 
     @property
-    def is_here(self) -> bool:
+    def in_own_thread(self) -> bool:
         """Whether the calling thread runs an event."""
         return self._running == threading.get_ident()
 
     def check_thread(self) -> None:
         """Raise ComponentError on a thread that a component started."""
-        if not self.is_here:
+        if not self.in_own_thread:
             raise ComponentError(
                 f"the thread `{threading.current_thread().name}` is not part of the simulation: in virtual time, "
                 "components call others, publish and wait only in methods that the framework calls"

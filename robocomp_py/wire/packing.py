@@ -132,14 +132,18 @@ def _has_arrays(kind: Type, seen: set[int]) -> bool:
 
 
 def _struct_head(count: int) -> tuple[str, tuple[int, ...]]:
-    """How the head of an array of so many fields is packed."""
+    """The head of an array of `count` fields: the letters by which `struct` packs it, and its numbers."""
     if count < 16:
         return "B", (_FIXARRAY | count,)
     return ("BH", (_ARRAY16, count)) if count < 1 << 16 else ("BI", (_ARRAY32, count))
 
 
 class _Writer:
-    """Writes `encode(values) -> payload`. In it, `add` appends octets and `frames` are separate buffers."""
+    """Writes `encode(values) -> payload`. In it, `add` appends octets and `frames` are separate buffers.
+
+    A run is a series of numbers that one call of `struct` packs: its letters, and an expression for each number. An
+    expression of digits only is a constant.
+    """
 
     def __init__(self, message: Struct, array: Callable[[np.dtype[Any]], PackArray]) -> None:
         self._message = message
@@ -152,11 +156,11 @@ class _Writer:
     def compile(self) -> Encoder:
         p = self._program
         names = [p.fresh() for _ in self._message.fields]
-        alone = is_fixed(Struct("", self._message.fields, object))
+        is_one_run = is_fixed(Struct("", self._message.fields, object))
         refusal = f"{p.name(refused)}({p.name(self._message)}, values, exc)"
         with p.block("def encode(values)"), p.guarded(refusal):
             p.line(f"[{', '.join(names)}] = values")
-            if alone:
+            if is_one_run:
                 self._fields(self._message.fields, names)
                 p.line(f"return [{self._packed()}]")
             else:
@@ -193,7 +197,7 @@ class _Writer:
                 self._value(field.type, variable)
 
     def _by_library(self, parts: list[tuple[Field, str]]) -> None:
-        """Emit one call that packs these as an array without its head."""
+        """Emit one call of the library that packs these: as an array, whose head is then cut off."""
         self._end_run()
         p = self._program
         plant = compile_planter(Struct(self._message.name, tuple(field for field, _ in parts)), _no_array)
@@ -206,7 +210,7 @@ class _Writer:
         self._values += values
 
     def _packed(self) -> str:
-        """An expression for the run so far, which ends."""
+        """End the run, and return an expression for its octets."""
         pack = self._program.name(struct.Struct(">" + self._letters).pack, "pack")
         expression = f"{pack}({', '.join(self._values)})"
         self._letters, self._values = "", []
@@ -355,6 +359,7 @@ class _Inline:
 
     def __init__(self) -> None:
         self.over = False
+        """Whether all further structs get functions."""
         self._seen: set[int] = set()
 
     def may(self, kind: Struct) -> bool:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 
 import pytest
 
 from robocomp_py.testing.actions import ActionsConformance
-from robocomp_py.transports.base import Transport, TransportConfig, find_transport
-from robocomp_py.transports.inproc import InprocTransport
-from tests.transports.domains import DOMAIN
-
-_buses = itertools.count()
+from tests.transports.over import OverDDS, OverInproc, OverShm, OverZenoh, OverZeroMQ
 
 
 @pytest.fixture(autouse=True)
@@ -20,30 +15,21 @@ def alone(own_runtime_folder: Path) -> None:
     """No test meets the components of another one."""
 
 
-class TestInproc(ActionsConformance):
-    @pytest.fixture(autouse=True)
-    def bus(self) -> None:
-        self.bus_name = f"actions-{next(_buses)}"
-
-    def open_transport(self, owner: str = "test") -> Transport:
-        return InprocTransport(TransportConfig({"bus": self.bus_name}, owner))
+class TestInproc(OverInproc, ActionsConformance):
+    pass
 
 
-class TestShm(ActionsConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("shm")(TransportConfig(owner=owner))
+class TestShm(OverShm, ActionsConformance):
+    pass
 
 
-class TestZeroMQ(ActionsConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zeromq")(TransportConfig(owner=owner))
+class TestZeroMQ(OverZeroMQ, ActionsConformance):
+    pass
 
 
-class TestDDS(ActionsConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("dds")(TransportConfig({"domain": DOMAIN}, owner))
+class TestDDS(OverDDS, ActionsConformance):
+    pass
 
 
-class TestZenoh(ActionsConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zenoh")(TransportConfig(owner=owner))
+class TestZenoh(OverZenoh, ActionsConformance):
+    pass

@@ -53,6 +53,12 @@ def plan(folder: Path, body: str, overrides: Overrides | None = None) -> tuple[P
     return found, workspace.report.diagnostics
 
 
+def planned(folder: Path, body: str, overrides: Overrides | None = None) -> Plan:
+    found, diagnostics = plan(folder, body, overrides)
+    assert found is not None, [each.message for each in diagnostics]
+    return found
+
+
 def errors(folder: Path, body: str, overrides: Overrides | None = None) -> list[str]:
     """The codes of what is wrong, which must make it impossible to start."""
     found, diagnostics = plan(folder, body, overrides)

@@ -10,19 +10,13 @@ import pytest
 
 from robocomp_py.deploy.plan import Overrides, Plan
 
-from .planned import errors, plan
+from .planned import errors, plan, planned
 
 pytestmark = pytest.mark.tool  # needs Ice for Python
 
 ONBOARD = 'host onboard { address "192.168.1.10"; };'
 PROGRAM = 'existing "sleep 1000"; middleware ice;'
 OVER_ICE = Overrides(settings=(("driver", "ports.laser.middleware=ice"),))
-
-
-def planned(folder: Path, body: str, overrides: Overrides | None = None) -> Plan:
-    found, diagnostics = plan(folder, body, overrides)
-    assert found is not None, [each.message for each in diagnostics]
-    return found
 
 
 def told(folder: Path, body: str, overrides: Overrides | None = None) -> list[str]:

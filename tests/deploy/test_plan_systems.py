@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from robocomp_py.deploy.plan import Overrides, Plan
+from robocomp_py.deploy.plan import Overrides
 from robocomp_py.deploy.policy import Escalation
 
-from .planned import command, errors, plan
+from .planned import command, errors, planned
 
 TWO_ARMS = """
 namespace robot1;
@@ -17,12 +17,6 @@ Component sensor { };
 System left { restart always; escalation one_for_all; Component sensor { }; Component driver { }; };
 System right { Component driver { }; System inner { Component driver { }; Component sensor { }; }; };
 """
-
-
-def planned(folder: Path, body: str, overrides: Overrides | None = None) -> Plan:
-    found, diagnostics = plan(folder, body, overrides)
-    assert found is not None, [each.message for each in diagnostics]
-    return found
 
 
 def test_an_instance_uses_what_its_own_system_has_and_else_what_those_around_it_have(folder: Path) -> None:

@@ -449,9 +449,6 @@ class Actor:
             raise RobocompError(f"{self.name}: {channel}: {said!r}")
         return said
 
-    def close_link(self, channel: str) -> None:
-        self._links.pop(channel).close()
-
     def close(self) -> None:
         for stop in self._stop.values():
             stop.set()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -99,9 +99,6 @@ class Journal:
 
     def note(self, event: Event) -> None:
         os.write(self._file, _line(event))
-
-    def note_all(self, events: Iterable[Event]) -> None:
-        os.write(self._file, b"".join(map(_line, events)))
 
     def close(self) -> None:
         os.close(self._file)

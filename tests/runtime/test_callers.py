@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import subprocess
 import sys
 from pathlib import Path
@@ -12,16 +11,13 @@ import pytest
 from robocomp_py.errors import ComponentError
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.run import Running
-from robocomp_py.testing.callers import CallersConformance, CallersSuite, Echo, Hub, Peer
+from robocomp_py.testing.callers import CallersConformance, Echo, Hub, Peer
 from robocomp_py.testing.instances import TellerHandler
 from robocomp_py.testing.patience import SOON
-from robocomp_py.transports.base import Transport, TransportConfig, find_transport
-from robocomp_py.transports.inproc import InprocTransport
+from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
-from tests.transports.domains import DOMAIN
+from tests.transports.over import OverDDS, OverInproc, OverShm, OverZenoh, OverZeroMQ
 from tests.virtual.test_simulation import part
-
-_buses = itertools.count()
 
 
 @pytest.fixture(autouse=True)
@@ -29,37 +25,24 @@ def alone(own_runtime_folder: Path) -> None:
     """No test meets the components of another one."""
 
 
-class OverInproc(CallersSuite):
-    @pytest.fixture(autouse=True)
-    def bus(self) -> None:
-        self.bus_name = f"callers-{next(_buses)}"
-
-    def open_transport(self, owner: str = "test") -> Transport:
-        return InprocTransport(TransportConfig({"bus": self.bus_name}, owner))
-
-
 class TestInproc(OverInproc, CallersConformance):
     pass
 
 
-class TestShm(CallersConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("shm")(TransportConfig(owner=owner))
+class TestShm(OverShm, CallersConformance):
+    pass
 
 
-class TestZeroMQ(CallersConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zeromq")(TransportConfig(owner=owner))
+class TestZeroMQ(OverZeroMQ, CallersConformance):
+    pass
 
 
-class TestDDS(CallersConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("dds")(TransportConfig({"domain": DOMAIN}, owner))
+class TestDDS(OverDDS, CallersConformance):
+    pass
 
 
-class TestZenoh(CallersConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zenoh")(TransportConfig(owner=owner))
+class TestZenoh(OverZenoh, CallersConformance):
+    pass
 
 
 def test_a_class_that_does_not_announce_it_is_told_what_to_write() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import socket
 import subprocess
@@ -22,11 +21,7 @@ from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.instances import House, InstancesConformance, InstancesSuite, Teller
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports import headroom
-from robocomp_py.transports.base import Transport, TransportConfig, find_transport
-from robocomp_py.transports.inproc import InprocTransport
-from tests.transports.domains import DOMAIN
-
-_buses = itertools.count()
+from tests.transports.over import OverDDS, OverInproc, OverShm, OverZenoh, OverZeroMQ
 
 
 @pytest.fixture(autouse=True)
@@ -34,40 +29,27 @@ def alone(own_runtime_folder: Path) -> None:
     """No test meets the components of another one."""
 
 
-class OverInproc(InstancesSuite):
-    @pytest.fixture(autouse=True)
-    def bus(self) -> None:
-        self.bus_name = f"instances-{next(_buses)}"
-
-    def open_transport(self, owner: str = "test") -> Transport:
-        return InprocTransport(TransportConfig({"bus": self.bus_name}, owner))
-
-
 class TestInproc(OverInproc, InstancesConformance):
     pass
 
 
-class TestShm(InstancesConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("shm")(TransportConfig(owner=owner))
+class TestShm(OverShm, InstancesConformance):
+    pass
 
 
-class TestZeroMQ(InstancesConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zeromq")(TransportConfig(owner=owner))
+class TestZeroMQ(OverZeroMQ, InstancesConformance):
+    pass
 
 
-class TestDDS(InstancesConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("dds")(TransportConfig({"domain": DOMAIN}, owner))
+class TestDDS(OverDDS, InstancesConformance):
+    pass
 
 
-class TestZenoh(InstancesConformance):
-    def open_transport(self, owner: str = "test") -> Transport:
-        return find_transport("zenoh")(TransportConfig(owner=owner))
+class TestZenoh(OverZenoh, InstancesConformance):
+    pass
 
 
-class TestOfAComponent(OverInproc):
+class TestOfAComponent(OverInproc, InstancesSuite):
     """What a component is told, once for all transports."""
 
     @pytest.mark.parametrize("name", ["", "a b", "1st", "a/b", "*", None])

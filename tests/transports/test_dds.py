@@ -198,7 +198,7 @@ def test_members_may_have_any_name() -> None:
 
 
 @contextlib.contextmanager
-def _stranger() -> Iterator[DomainParticipant]:
+def stranger() -> Iterator[DomainParticipant]:
     """Somebody else on the domain, who uses the library as it is. There must be a transport of ours already."""
     participant = DomainParticipant(DOMAIN)
     try:
@@ -220,7 +220,7 @@ def _theirs(participant: DomainParticipant, name: str, kind: type[Any]) -> tuple
 def test_a_stranger_reads_every_field_of_a_publication(here: DDSTransport, name: str) -> None:
     kind = type_of(e.divide, Pattern.PUBLISH)
     outlet = here.outlet(Channel(name, Pattern.PUBLISH, kind))
-    with _stranger() as participant:
+    with stranger() as participant:
         _, reader = _theirs(participant, f"rc/{name}", publication_type(kind.name, kind.request))
         assert outlet.wait_peer(SOON)
         outlet.send(CODEC.encoder(e.divide.request)((7, 3)))
@@ -236,7 +236,7 @@ def test_a_stranger_may_ask(here: DDSTransport, name: str, lazy: bool) -> None:
     encode = CODEC.encoder(e.divide.response)
     channel = Channel(name, Pattern.QUERY, kind, lazy=lazy)
     server = here.server(channel, lambda payload, expires: Reply(Status.OK, encode((3, 1))))
-    with _stranger() as participant:
+    with stranger() as participant:
         writer, _ = _theirs(participant, f"rc/{name}Request", request_type(kind.name, kind.request))
         assert kind.response
         _, reader = _theirs(participant, f"rc/{name}Reply", reply_type(kind.response.name, kind.response))
@@ -273,7 +273,7 @@ def test_foreign_messages_are_dropped_counted_and_logged_once(
     kind = type_of(e.divide, Pattern.PUBLISH)
     heard: list[Any] = []
     link = here.inlet(Channel(name, Pattern.PUBLISH, kind), heard.append)
-    with _stranger() as participant:
+    with stranger() as participant:
         made = publication_type(kind.name, kind.request)
         writer, _ = _theirs(participant, f"rc/{name}", made)
         wait_until(lambda: len(writer.get_matched_subscriptions()) > 1)

@@ -28,6 +28,7 @@ from robocomp_py.transports.dds.transport import DDSTransport
 from robocomp_py.transports.dds.types import publication_type
 
 from .domains import DOMAIN
+from .test_dds import stranger
 
 _STRICT = QoS(Reliability.RELIABLE, deadline=0.5, lifespan=2.0, liveliness=Liveliness.MANUAL_BY_TOPIC, lease=3.0)
 _KIND = type_of(e.divide, Pattern.PUBLISH)
@@ -45,16 +46,6 @@ def here() -> Iterator[DDSTransport]:
 @pytest.fixture
 def name() -> str:
     return f"q{os.getpid()}_{next(_numbers)}/Dds/op"
-
-
-@contextlib.contextmanager
-def _stranger() -> Iterator[DomainParticipant]:
-    """Somebody else on the domain, who uses the library as it is. There must be a transport of ours already."""
-    participant = DomainParticipant(DOMAIN)
-    try:
-        yield participant
-    finally:
-        participant.__del__()
 
 
 def _told(participant: DomainParticipant, name: str, publishes: bool) -> Any:
@@ -77,7 +68,7 @@ def test_policies_are_those_of_dds_on_both_ends(here: DDSTransport, name: str, p
         here.outlet(topic(name, _STRICT))
     else:
         here.inlet(topic(name, _STRICT), lambda _: None)
-    with _stranger() as participant:
+    with stranger() as participant:
         qos = _told(participant, name, publishes)
     assert qos[Policy.Deadline] == Policy.Deadline(500_000_000)
     assert qos[Policy.Liveliness] == Policy.Liveliness.ManualByTopic(3_000_000_000)
@@ -89,7 +80,7 @@ def test_policies_are_those_of_dds_on_both_ends(here: DDSTransport, name: str, p
 
 def test_what_keeps_all_is_limited_for_dds_as_well(here: DDSTransport, name: str) -> None:
     here.outlet(topic(name, QoS(Reliability.RELIABLE, history=History.KEEP_ALL)))
-    with _stranger() as participant:
+    with stranger() as participant:
         qos = _told(participant, name, True)
     assert qos[Policy.History] == Policy.History.KeepAll
     assert qos[Policy.ResourceLimits].max_samples == 10_000
@@ -114,7 +105,7 @@ def test_resource_limits_of_the_configuration_are_those_of_topics_on_both_ends(
             limited.outlet(topic(name, qos))
         else:
             limited.inlet(topic(name, qos), lambda _: None)
-        with _stranger() as participant:
+        with stranger() as participant:
             told = _told(participant, name, publishes)
     assert told[Policy.ResourceLimits] == Policy.ResourceLimits(*expected)
     assert told[Policy.History] == (Policy.History.KeepAll if depth is None else Policy.History.KeepLast(depth))
@@ -172,7 +163,7 @@ def test_a_foreign_best_effort_publisher_is_received_and_missing_qos_is_logged(
 ) -> None:
     inbox: list[Any] = []
     here.inlet(Channel(name, Pattern.PUBLISH, _KIND, asked), inbox.append)
-    with _stranger() as participant:
+    with stranger() as participant:
         kind: Any = publication_type(_KIND.name, _KIND.request)
         made = Topic(participant, f"rc/{name}", kind)
         writer = DataWriter(participant, made, Qos(Policy.Reliability.BestEffort, _OURS))
@@ -194,7 +185,7 @@ def test_a_foreign_best_effort_publisher_is_received_and_missing_qos_is_logged(
 def test_a_publisher_of_another_program_is_there_as_long_as_dds_says_so(here: DDSTransport, name: str) -> None:
     link: Any = here.inlet(Channel(name, Pattern.PUBLISH, _KIND, QoS(lease=1.0)), lambda _: None)
     assert link.sources() == []
-    with _stranger() as participant:
+    with stranger() as participant:
         made = Topic(participant, f"rc/{name}", publication_type(_KIND.name, _KIND.request))
         lives = Policy.Liveliness.Automatic(500_000_000)
         writer = DataWriter(participant, made, Qos(Policy.Reliability.Reliable(0), lives, _OURS))
@@ -207,7 +198,7 @@ def test_a_publisher_of_another_program_is_heard_by_a_subscriber_that_names_no_i
     interface = f"I{os.getpid()}_{next(_numbers)}"
     inbox: list[Any] = []
     link: Any = here.inlet(Channel(f"*/{interface}/op", Pattern.PUBLISH, _KIND), inbox.append)
-    with _stranger() as participant:
+    with stranger() as participant:
         kind: Any = publication_type(_KIND.name, _KIND.request)
         writers = {
             name: DataWriter(
@@ -236,7 +227,7 @@ def test_a_foreign_subscriber_that_asks_for_more_is_logged(
     here: DDSTransport, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     here.outlet(Channel(name, Pattern.PUBLISH, _KIND))
-    with _stranger() as participant:
+    with stranger() as participant:
         made = Topic(participant, f"rc/{name}", publication_type(_KIND.name, _KIND.request))
         reader = DataReader(participant, made, Qos(Policy.Deadline(1000), _OURS))
         wait_until(lambda: "asks for more deadline than is offered here" in caplog.text)

@@ -43,7 +43,7 @@ def keys_of(plan: Plan, options: argparse.Namespace) -> Path:
 
 
 def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
-    """The network with the keys that it has; problems with keys are printed."""
+    """The network with the keys that it has, for `rcdeploy plan`. What would keep it from starting is only printed."""
     from ...deploy import security
     from ...errors import DeploymentError
 
@@ -51,8 +51,10 @@ def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
         errors, warnings = _troubles(plan, options)
     except DeploymentError as exc:
         errors, warnings = [str(exc)], []
-    for each in (*(f"it cannot be started as it is: {error}" for error in (*errors, *_hindrances(plan))), *warnings):
-        _warn(each)
+    for error in (*errors, *_hindrances(plan)):
+        _warn(f"it cannot be started as it is: {error}")
+    for warning in warnings:
+        _warn(warning)
     try:
         return security.secured(plan, keys_of(plan, options))
     except DeploymentError:  # already printed
@@ -60,7 +62,7 @@ def with_keys(plan: Plan, options: argparse.Namespace) -> Plan:
 
 
 def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
-    """The network with its keys; the exit code, after printing the reason, if it must not be started."""
+    """The network with its keys; if it must not be started, prints the reasons and returns the exit code."""
     from ...deploy import security
     from ...errors import DeploymentError
 
@@ -81,6 +83,7 @@ def guarded(plan: Plan, options: argparse.Namespace) -> Plan | int:
 
 
 def _hindrances(plan: Plan) -> list[str]:
+    """What this machine lacks for the network."""
     from ...deploy.surroundings import hindrances
     from ...errors import ConfigurationError, DeploymentError
 

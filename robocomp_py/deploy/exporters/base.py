@@ -32,6 +32,11 @@ USER = 1000
 """The user id of components in containers."""
 
 _MARK = "by rcdeploy export"
+"""In the first line of each exported file."""
+
+_OWNER = ".made-by-rcdeploy"
+"""A file in each folder of copies, by which a later export knows that it may replace the folder."""
+
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", ".*", "tests")
 
 
@@ -73,7 +78,10 @@ class Site:
 
 
 def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
-    """The machines of a network, with their components in the folder `below`, or where they are if that is ""."""
+    """The machines of a network, with their processes.
+
+    `below` returns the folder that the components of a host are copied to; "" leaves them where they are.
+    """
     known = {host.name: host for host in plan.hosts}
     names = dict.fromkeys(process.host for process in plan.processes)
     sites: list[Site] = []
@@ -81,7 +89,7 @@ def sites_of(plan: Plan, below: Callable[[Host | None], str]) -> list[Site]:
         processes = tuple(process for process in plan.processes if process.host == name)
         host = known.get(name)
         keys = {process.name: found for process in processes if (found := _keys(process))}
-        first = name == ("" if "" in names else next(iter(names)))  # where the network says that all others are
+        first = name == ("" if "" in names else next(iter(names)))  # it also runs helpers of hosts without components
         helpers = [each for each in plan.helpers if each.host == name or (first and each.host not in names)]
         keys |= {each.name: Path(each.keys) for each in helpers if each.keys}
         moved: dict[Path, str] = {}
@@ -106,7 +114,7 @@ def _keys(process: Process) -> Path | None:
 
 
 def _relocated(value: Any, moved: Mapping[Path, str]) -> Any:
-    """The same with the paths of the other machine."""
+    """An option of a transport, with paths on the other machine in place of paths here."""
     if isinstance(value, Mapping):
         return {key: _relocated(each, moved) for key, each in value.items()}
     place = moved.get(Path(value).parent) if isinstance(value, str) else None
@@ -122,6 +130,7 @@ def _process(helper: Helper, moved: Mapping[Path, str], host: str) -> Process:
 
 
 def _behind(first: Process, processes: Iterable[Process]) -> tuple[Process, ...]:
+    """`first`, and the processes, which start after it."""
     return (first, *(replace(each, after=(first.name, *each.after)) for each in processes))
 
 
@@ -184,9 +193,6 @@ def write_export(export: Export, folder: Path) -> None:
         raise DeploymentError(f"{exc.filename or folder} cannot be written: {exc.strerror or exc}") from exc
 
 
-_OWNER = ".made-by-rcdeploy"
-
-
 def _copy(app: Path, sources: Mapping[str, Path]) -> None:
     """Put copies into a folder, which is replaced as a whole once all are there."""
     app.parent.mkdir(parents=True, exist_ok=True)
@@ -213,15 +219,15 @@ def _one_line(text: str) -> str:
     return "".join(char if char.isprintable() else "?" for char in text)
 
 
-def told_once(notes: Iterable[str]) -> tuple[str, ...]:
+def without_repeats(notes: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(notes))
 
 
-def of_containers(plan: Plan, engine: str) -> Iterator[str]:
+def notes_on_containers(plan: Plan, engine: str) -> Iterator[str]:
     """What every engine of containers ignores, and what its images need besides the copied files."""
     if plan.clock:
         raise DeploymentError(f"{engine} gives each process a host of its own, but one clock is followed on one host")
-    yield from escalating(plan, engine)
+    yield from notes_on_escalations(plan, engine)
     if any(watches_itself(each) and each.restart.when is not When.NEVER for each in plan.processes):
         yield f"{engine} does not detect a component that hangs; rcdeploy would restart it"
     for process in plan.processes:
@@ -233,7 +239,7 @@ def of_containers(plan: Plan, engine: str) -> Iterator[str]:
         yield f"{engine} ignores sd_notify: {without}, a running process counts as ready"
 
 
-def escalating(plan: Plan, engine: str) -> Iterator[str]:
+def notes_on_escalations(plan: Plan, engine: str) -> Iterator[str]:
     """The escalations that the other engine ignores."""
     if set(plan.escalations.values()) - {"one_for_one"}:
         yield f"{engine} restarts only the process that has ended: `escalation` has no effect there"

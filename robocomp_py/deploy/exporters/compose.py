@@ -18,10 +18,10 @@ from .base import (
     grace,
     heading,
     identifier,
-    of_containers,
+    notes_on_containers,
     sites_of,
-    told_once,
     unique,
+    without_repeats,
 )
 from .containers import INSIDE, READY, as_yaml, dockerfile
 
@@ -39,7 +39,7 @@ def compose(plan: Plan, network: str) -> Export:
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile()
         if site.keys:
             files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
-    return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites)))
+    return Export(files, copies, without_repeats(_notes(plan)), tuple(_steps(all_sites)))
 
 
 def _project(site: Site, project: str) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def _plain(text: str) -> str:
 
 
 def _notes(plan: Plan) -> Iterator[str]:
-    yield from of_containers(plan, "compose")
+    yield from notes_on_containers(plan, "compose")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
         yield "compose chooses the delays between restarts and counts all of them: `delay` and `period` have no effect"
 

@@ -22,9 +22,9 @@ from .base import (
     grace,
     heading,
     identifier,
-    of_containers,
+    notes_on_containers,
     sites_of,
-    told_once,
+    without_repeats,
 )
 from .base import unique as unique_names
 from .containers import INSIDE, READY, as_yaml, dockerfile
@@ -46,7 +46,7 @@ def kubernetes(plan: Plan, network: str) -> Export:
         files[site.folder / "Dockerfile"] = heading("The image of a network", network) + dockerfile()
         if site.keys:
             files[site.folder / ".dockerignore"] = heading("Files that stay out of the image", network) + f"{KEYS}\n"
-    return Export(files, copies, told_once(_notes(plan)), tuple(_steps(plan, all_sites)))
+    return Export(files, copies, without_repeats(_notes(plan)), tuple(_steps(plan, all_sites)))
 
 
 def _called(plan: Plan, site: Site) -> str:
@@ -145,7 +145,7 @@ def _plain(text: str) -> str:
 
 
 def _notes(plan: Plan) -> Iterator[str]:
-    yield from of_containers(plan, "Kubernetes")
+    yield from notes_on_containers(plan, "Kubernetes")
     others = [each.name for each in plan.processes if each.restart.when is not When.ALWAYS]
     if others:
         yield f"Kubernetes restarts every process that ends, also {enumerated(others)}, and chooses the delays"

@@ -15,15 +15,15 @@ from .base import (
     APP,
     Export,
     Site,
-    escalating,
     grace,
     heading,
     identifier,
     is_helper,
+    notes_on_escalations,
     sites_of,
-    told_once,
     unique,
     watches_itself,
+    without_repeats,
 )
 
 _RESTART = {When.NEVER: "no", When.ON_FAILURE: "on-failure", When.ALWAYS: "always"}
@@ -48,7 +48,7 @@ def systemd(plan: Plan, network: str) -> Export:
         for process in site.processes:
             text = heading("A process of a network", network) + _service(plan, site, process, whole, names)
             files[site.folder / names[process.name]] = text
-    return Export(files, copies, told_once(_notes(plan)), tuple(_steps(all_sites, whole)))
+    return Export(files, copies, without_repeats(_notes(plan)), tuple(_steps(all_sites, whole)))
 
 
 def _target(plan: Plan, services: list[str]) -> str:
@@ -117,7 +117,7 @@ def _watchdog(process: Process) -> str:
 
 
 def _notes(plan: Plan) -> Iterator[str]:
-    yield from escalating(plan, "systemd")
+    yield from notes_on_escalations(plan, "systemd")
     if any(each.restart.when is not When.NEVER for each in plan.processes):
         yield "systemd waits the same time before each restart: `max_delay` has no effect"
     here = {each.host for each in plan.processes if each.host == ""}

@@ -21,7 +21,10 @@ from .samples import HEAD_BYTES
 
 
 class Peer:
-    """A server process: its queue for requests, and lines for blocking calls to it."""
+    """A server process: its queue for requests, and lines for blocking calls to it.
+
+    A line is a queue for replies that one thread uses at a time. It has a number, and is kept for later calls.
+    """
 
     def __init__(
         self,
@@ -40,6 +43,7 @@ class Peer:
         self._directory, self._new_line = directory, new_line
         self._idle: list[ReplyQueue] = []
         self._stale = 0
+        """The number of the last line that is used no more."""
         self.sender = Sender(node, own, member.id, 0, Receiver(receipts, own, 0))
         node.heaps.meet(self.key)  # so that its last replies can still be read after it has left
 
@@ -58,7 +62,7 @@ class Peer:
         return self._new_line()
 
     def settle(self, end: float) -> None:
-        """Wait until all commands were taken: closing discards commands that the server has not read yet."""
+        """Wait until all commands were taken, at most until `end` (monotonic): closing discards unread ones."""
         if not self.unsettled or not self.alive():
             return
         line = self.take(self.id)
@@ -81,9 +85,9 @@ class Peer:
         if self.closed or line.number <= self._stale:  # checked last: `close` and `renew` set these first
             self._close_idle()
 
-    def renew(self, lines: int) -> None:
-        """Use no line up to that number any more, since servers may be unable to reach them."""
-        self._stale = lines
+    def renew(self, last: int) -> None:
+        """Use no line up to the number `last` any more, since servers may be unable to reach them."""
+        self._stale = last
         self._close_idle()
 
     def close(self) -> None:

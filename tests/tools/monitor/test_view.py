@@ -10,7 +10,7 @@ import pytest
 
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.graph.netsvg import draw
-from robocomp_py.graph.network import Group, Mark, Node
+from robocomp_py.graph.network import Mark
 from robocomp_py.tools.drift import compare, observed
 from robocomp_py.tools.flows import Flow, Told
 from robocomp_py.tools.lookout import Look
@@ -18,6 +18,7 @@ from robocomp_py.tools.measure import Load
 from robocomp_py.tools.monitor.view import picture
 from robocomp_py.tools.network import Network
 
+from ...graph.test_network import outline
 from ..test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan
 
 SPY = end("spy", "subscribes", "world/Everything/news", pid=8)
@@ -41,12 +42,6 @@ def look(*ends: Any, of: Any = None, flow: Flow | None = None, **more: Any) -> L
     drift = compare(of or house(), Network(ends))
     return Look(drift, more.pop("told", {}), more.pop("silent", frozenset()),
                 dict.fromkeys(drift.uses, flow) if flow else {}, of or house())  # fmt: skip
-
-
-def outline(group: Group) -> list[Any]:
-    return [
-        each.name if isinstance(each, Node) else {f"{each.kind} {each.title}": outline(each)} for each in group.inner
-    ]
 
 
 def test_components_stand_in_their_processes_systems_and_hosts() -> None:
