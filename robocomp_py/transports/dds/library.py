@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
-from collections.abc import Iterator
 
 from cyclonedds.core import DDSException, Entity, InstanceState, SampleState, ViewState
 
 from ...errors import TransportError
+from ..border import translating
 
 BLOCKING_MS = 2
 """Maximum time in ms that the library waits for room before a write fails."""
@@ -45,12 +44,7 @@ class _Creating:
 creating = _Creating()
 
 
-@contextlib.contextmanager
-def as_transport_error(doing: str) -> Iterator[None]:
-    try:
-        yield
-    except DDSException as exc:
-        raise TransportError(f"dds: {doing}: {exc}") from exc
+as_transport_error = translating("dds", DDSException)
 
 
 def checked(code: int, doing: str) -> int:

@@ -17,13 +17,13 @@ import mmap
 import os
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from ...errors import TransportError
+from ..border import translating
 from .pages import Pages
 from .room import PAGE, SHARED_MEMORY, Full, own, what_is_short
 
@@ -37,6 +37,8 @@ LINGERING = 5.0
 """Seconds for which a heap is kept after its owner has left: an answer may be on its way to a thread."""
 
 _SUFFIX = ".heap"
+
+_as_transport_error = translating("shm", OSError, lambda exc: f"{exc.strerror}{what_is_short()}")
 
 
 class Borrower(Protocol):
@@ -266,11 +268,3 @@ def remove_dead(prefix: str) -> None:
 
 def _path(prefix: str, number: int) -> Path:
     return Path(SHARED_MEMORY, f"{prefix}{number:016x}{_SUFFIX}")
-
-
-@contextlib.contextmanager
-def _as_transport_error(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as exc:
-        raise TransportError(f"shm: {path}: {exc.strerror}{what_is_short()}") from exc

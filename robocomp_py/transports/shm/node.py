@@ -19,13 +19,13 @@ import re
 import secrets
 import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import iceoryx2
 
 from ...errors import ConfigurationError, TransportError
+from ..border import translating
 from .heap import Heap, Heaps, remove_dead
 from .room import OPENING, SHARED_MEMORY, check_room, hindrance, prefix, what_is_short
 from .unsafe import OCTETS
@@ -53,12 +53,7 @@ _FAILURES = tuple(each for each in vars(iceoryx2).values() if isinstance(each, t
 iceoryx2.set_log_level_from_env_or(iceoryx2.LogLevel.Fatal)  # this package logs failures itself, once
 
 
-@contextlib.contextmanager
-def as_transport_error(doing: str) -> Iterator[None]:
-    try:
-        yield
-    except _FAILURES as exc:
-        raise TransportError(f"shm: {doing}: {exc}{what_is_short()}") from exc
+as_transport_error = translating("shm", _FAILURES, lambda exc: f"{exc}{what_is_short()}")
 
 
 _SECRET = re.compile(r"[0-9a-f]{16}")

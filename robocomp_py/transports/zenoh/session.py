@@ -30,6 +30,7 @@ import zenoh
 
 from ...errors import Closed, ConfigurationError, Refused, TransportError
 from ...wire.codec import MAX_BYTES
+from ..border import translating
 from ..directory import LONGEST_SOCKET
 from ..exclusive import Claim, holder, try_claim
 from ..runtime_folder import runtime_dir
@@ -99,12 +100,7 @@ _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor":
 _RETRY_HERE = _RETRY | {"period_max_ms": 200}  # a socket file costs nothing to try
 
 
-@contextlib.contextmanager
-def as_transport_error(doing: str) -> Iterator[None]:
-    try:
-        yield
-    except zenoh.ZError as exc:
-        raise TransportError(f"zenoh: {doing}: {exc}") from exc
+as_transport_error = translating("zenoh", zenoh.ZError)
 
 
 _DEDICATED_SETTINGS: dict[str, Any] = {

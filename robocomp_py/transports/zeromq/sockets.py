@@ -9,16 +9,14 @@ import select
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 import zmq
 from zmq.utils import garbage
 
-from ...errors import (
-    TransportError,
-)
 from ...wire.codec import MAX_BYTES
+from ..border import translating
 from ..leader_followers import Job
 from ..unsafe import keep
 from .curve import Secure
@@ -69,13 +67,12 @@ def new_socket(context: zmq.Context[Any], kind: int, secure: Secure | None = Non
         return socket
 
 
-@contextlib.contextmanager
-def as_transport_error(doing: str) -> Iterator[None]:
-    try:
-        yield
-    except zmq.ZMQError as exc:
-        advice = "the address is in use by another program: end it, or choose another port"
-        raise TransportError(f"zeromq: {doing}: {advice if exc.errno == zmq.EADDRINUSE else exc}") from exc
+def _reason(exc: zmq.ZMQError) -> str:
+    in_use = "the address is in use by another program: end it, or choose another port"
+    return in_use if exc.errno == zmq.EADDRINUSE else str(exc)
+
+
+as_transport_error = translating("zeromq", zmq.ZMQError, _reason)
 
 
 _send: Callable[[zmq.Socket[Any], Any, int], object] = zmq.backend.Socket.send
