@@ -156,7 +156,8 @@ def _list(at: _At, options: argparse.Namespace) -> int:
     if rows and not options.json:
         print_table(("component", "parameter", "value", ""), rows, wrapped=("value",))
     if not rows:
-        raise Absent(f"{options.component or 'no component here'} has {'no ' if options.component else ''}parameters")
+        named = at.one if options.component and len(at.names) == 1 else ""
+        raise Absent(f"{named} has no parameters" if named else "no component here has parameters")
     return FINE
 
 

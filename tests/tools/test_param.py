@@ -19,7 +19,7 @@ from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Tuned
+from ..runtime.components import Calculator, Tuned
 from ..runtime.test_run import make, running
 from .test_commands import complained, said
 
@@ -116,6 +116,13 @@ def test_a_component_that_is_not_there_is_named(tuned: Any, capsys: pytest.Captu
 
 def setting(name: str, kind: str, value: str) -> Setting:
     return Setting(name=name, type=kind, value=value)
+
+
+def test_a_component_without_parameters_is_named(own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with running(make(Calculator, find_transport, "middleware=shm", name="sums")):
+        for part in ("list", "describe"):
+            assert f"rc param {part}: sums has no parameters\n" == complained(capsys, "param", part, "sums", *OVER)
+        assert "no component here has parameters" in complained(capsys, "param", "list", *OVER)
 
 
 def test_a_file_of_ros_2_has_the_types_of_values() -> None:
