@@ -116,7 +116,7 @@ class RealTime:
         if self._beats:
             self._beats.join(SOON)
         if self._thread.ident is not None:
-            self._thread.join(SOON)
+            self._thread.join(3 * SOON)
         assert isinstance(fakes, InprocTransport)
         with contextlib.suppress(AssertionError):  # a fake that is stuck: the links say so when they are closed
             wait_until(lambda: fakes.idle, SOON, "the fakes have received what was sent to them")

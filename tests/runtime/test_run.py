@@ -67,7 +67,7 @@ def running(made: Running, *, ready: bool = True) -> Iterator[Any]:
         yield made.worker
     finally:
         made.stop()
-        thread.join(SOON)
+        thread.join(3 * SOON)
         assert not thread.is_alive()
         made.worker.outcome = outcome[0]  # type: ignore[attr-defined]
 
