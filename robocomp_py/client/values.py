@@ -36,6 +36,9 @@ from ..tools.network import NotUnderstood
 _SHOWN = 100
 """Characters that the text of one field may have."""
 
+_MODULE = __name__.rpartition(".")[0]
+"""Of the classes, as Python shows them: `robocomp_py.client.Home.Light`."""
+
 
 class Record:
     """A value of a struct. Its fields are attributes, and items by their names in IDSL: `scan["lambda"]`.
@@ -177,7 +180,7 @@ def record(name: str, fields: tuple[Field, ...]) -> Struct:
     slots = tuple(each.attribute for each in fields)
     try:
         python: Any = type(
-            _short(name), (Record,), {"__slots__": slots, "__module__": "", "__qualname__": _short(name)}
+            _short(name), (Record,), {"__slots__": slots, "__module__": _MODULE, "__qualname__": _dotted(name)}
         )
     except (TypeError, ValueError) as exc:
         raise NotUnderstood(f"{name}: {exc}") from exc
@@ -206,12 +209,16 @@ def _short(name: str) -> str:
     return name.rpartition("::")[2]
 
 
+def _dotted(name: str) -> str:
+    return name.replace("::", ".")
+
+
 def _enumeration(told: Enumeration) -> Enumeration:
     """With a class; without one, so that its values are numbers, if a member has a name that Python cannot have."""
     if any(name.startswith("__") for name, _ in told.members):
         return told
     try:
-        python: Any = IntEnum(_short(told.name), dict(told.members), module="")  # type: ignore[misc]
+        python: Any = IntEnum(_short(told.name), dict(told.members), module=_MODULE, qualname=_dotted(told.name))  # type: ignore[misc]
     except (TypeError, ValueError):
         return told
     return replace(told, python=python)
@@ -238,7 +245,7 @@ def _exception_class(name: str, fields: Sequence[Field]) -> type[_Thrown]:
     taken = {each.attribute for each in fields if hasattr(_Thrown, each.attribute)}
     if taken:  # `args` or `with_traceback`
         raise NotUnderstood(f"{name} has a field {taken.pop()!r}, which every exception in Python has")
-    return type(_short(name), (_Thrown,), {"__module__": "", "__qualname__": name.replace("::", ".")})
+    return type(_short(name), (_Thrown,), {"__module__": _MODULE, "__qualname__": _dotted(name)})
 
 
 def fitted(kind: Type, given: Any, what: str) -> Any:

@@ -13,7 +13,7 @@ OCTETS = 16
 
 
 class GoalState(IntEnum):
-    """The state of a goal. The numbers are those of `action_msgs/GoalStatus` in ROS 2."""
+    """The state of a goal. The numbers are those of `action_msgs/GoalStatus` in ROS 2; `str` is the name."""
 
     UNKNOWN = 0
     ACCEPTED = 1
@@ -22,6 +22,9 @@ class GoalState(IntEnum):
     SUCCEEDED = 4
     CANCELED = 5
     ABORTED = 6
+
+    def __str__(self) -> str:
+        return self.name
 
     @property
     def is_over(self) -> bool:

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -105,6 +106,11 @@ def test_values_have_the_types_that_are_announced(net: Any) -> None:
     assert received == sent
     assert type(received.points[0]) is types["Point"]
     assert received.scalars.colour.name == "green"
+    assert [repr(types[each]) for each in ("Nested", "Colour")] == [
+        "<class 'robocomp_py.client.Conformance.Nested'>",
+        "<enum 'Colour'>",
+    ]
+    assert types["Colour"].__module__ == "robocomp_py.client"
     x, y = received.points[0]
     assert (x, y) == (1.0, 2.0)
 
@@ -133,6 +139,7 @@ def test_exceptions_have_the_class_and_the_fields_of_the_interface(net: Any) -> 
     with pytest.raises(DeclaredError) as raised:
         net.talker.Everything.divide(1, 0)
     assert type(raised.value).__name__ == "Failed"
+    assert traceback.format_exception_only(raised.value)[0].startswith("robocomp_py.client.Conformance.Failed: ")
     assert (raised.value.what, raised.value.code) == ("division by zero", 7)  # type: ignore[attr-defined]
     with pytest.raises(RemoteFailure, match="it is broken"):
         net.talker.Everything.work("fail")
