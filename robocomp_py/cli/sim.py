@@ -161,5 +161,11 @@ def _new(options: argparse.Namespace, found: dict[str, tuple[str, ...]], bodies:
         return complain(f"rc sim: {exc}")
     if wrong:
         return complain(f"rc sim: {wrong}")
-    print(f"{root}/ simulates {options.scene}:\n\n    rc run {root}\n")
+    lidars = "".join(f" --lidar {name}" for name in dict.fromkeys(options.lidar))
+    print(
+        f"{root}/ simulates {options.scene}:\n\n"
+        f"    rc run {root}\n\n"
+        "For a network with its clients, copy the lines that declare its devices into a .ddsl file:\n\n"
+        f"    rc sim offers {options.scene}{lidars}\n"
+    )
     return FINE

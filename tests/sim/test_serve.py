@@ -140,6 +140,14 @@ def test_a_base_that_goes_on_for_ever_stops_where_messages_cannot_carry_its_plac
     assert not call(house, "base", "DifferentialRobot", "getBaseState").isMoving  # type: ignore[attr-defined]
 
 
+def test_the_next_commands_are_told(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rc(["sim", "new", str(scene), "-o", str(scene.parent / "house"), "--lidar", "front"]) == 0
+    told = [line.strip() for line in capsys.readouterr().out.splitlines() if line.startswith("    ")]
+    assert told == [f"rc run {scene.parent / 'house'}", f"rc sim offers {scene} --lidar front"]
+    assert rc(told[1].split()[1:]) == 0
+    assert "offers front : " in capsys.readouterr().out
+
+
 def test_without_mujoco_the_extra_is_named(scene: Path) -> None:
     code = "import sys; sys.modules['mujoco'] = None; import robocomp_py.sim.serve.simulator"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
