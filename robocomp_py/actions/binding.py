@@ -163,7 +163,9 @@ def _server(port: Port, action: Action, worker: object, proxy: ports.Proxy, arou
 
     policy = Policy(dict(port.policies).get(action.name, Policy.REFUSE))
     method = getattr(worker, port.handler(action.name))
-    return GoalServer(action, policy, method, tell, around.seconds, around.times, action.goal or ServerGoal)
+    kind = action.goal or ServerGoal
+    note = around.monitor.tallies.note_failure
+    return GoalServer(action, policy, method, tell, around.seconds, around.times, kind, note)
 
 
 def _serve_results(action: Action, server: GoalServer, route: Route, links: list[Link]) -> None:

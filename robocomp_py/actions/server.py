@@ -20,6 +20,7 @@ from ..contract.goal import OCTETS, GoalState, NoResult, Policy
 from ..contract.interface import Action, Operation
 from ..errors import Cancelled, DeclaredError, TransportError
 from ..runtime.calls import Handler, Outcome
+from ..runtime.tally import NoteFailure
 from ..transports.base import Reply, Status
 from ..wire.codec import Codec
 from .goal import MOST_POLLS, MOST_QUEUED, MOST_RESULTS, ServerGoal, Times
@@ -70,11 +71,16 @@ class GoalServer:
         seconds: Callable[[], float],
         times: Times = Times(),  # noqa: B008 - frozen
         kind: type[ServerGoal] = ServerGoal,
+        note: NoteFailure | None = None,
     ) -> None:
-        """`seconds` is the clock of silence and of kept results. `kind` is what the handler gets of a goal."""
+        """`seconds` is the clock of silence and of kept results. `kind` is what the handler gets of a goal.
+
+        `note` gets each exception that is logged as an error.
+        """
         self._action, self._policy, self._method, self._tell = action, policy, method, tell
         self._seconds, self._times, self._kind = seconds, times, kind
         self._declared = tuple(each.python for each in action.raises if each.python)
+        self._note = note
         self._handlers: list[Handler] = []
         self._goals: dict[bytes, _Entry] = {}
         self._lock = threading.Lock()
@@ -88,7 +94,7 @@ class GoalServer:
 
     def codec(self, codec: Codec) -> int:
         """Encode results by this codec, too; returns its number for `poll`."""
-        self._handlers.append(Handler(self._action.result, codec, _Result(self._method)))
+        self._handlers.append(Handler(self._action.result, codec, _Result(self._method), self._note))
         return len(self._handlers) - 1
 
     # What clients ask. The first two are handlers.

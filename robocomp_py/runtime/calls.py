@@ -26,6 +26,7 @@ from ..errors import (
 from ..transports.base import Reply, Status, TypeRef, answered
 from ..transports.sparing import Repeats
 from ..wire.codec import Codec, Decoder, Encoder, Payload
+from .tally import NoteFailure
 from .trace import times_more, user_trace, way_of
 
 log = logging.getLogger("robocomp.worker")
@@ -111,9 +112,16 @@ class Call(Generic[R]):
 class Handler:
     """The server side of one operation over one codec: decodes, calls the worker's method, encodes the reply."""
 
-    def __init__(self, operation: Operation[Any], codec: Codec, method: Callable[..., Any]) -> None:
+    def __init__(
+        self,
+        operation: Operation[Any],
+        codec: Codec,
+        method: Callable[..., Any],
+        note: NoteFailure | None = None,
+    ) -> None:
+        """`note` gets each exception that is logged as an error, also those too frequent to be logged."""
         self.operation, self.method = operation, method
-        self._codec = codec
+        self._codec, self._note = codec, note
         self._outputs = len(operation.outputs)
         self._declared = tuple(each.python for each in operation.raises if each.python)
         self._repeats = Repeats()
@@ -148,6 +156,7 @@ class Handler:
             return answered((_OK, self._encode(values)))
         except EncodeError as exc:
             log.error("%s returned a value that its interface does not allow: %s", self.method.__qualname__, exc)
+            self._note_failure(exc)
             return self.failed(exc)
 
     def take(self, arguments: tuple[Any, ...]) -> bool:
@@ -163,6 +172,8 @@ class Handler:
 
     def log_failure(self, exc: BaseException) -> None:
         """Log an exception of the method. Repeated exceptions from the same lines are logged less and less often."""
+        if not isinstance(exc, ConfigurationError):
+            self._note_failure(exc)
         untold = self._repeats.untold(way_of(exc))
         if untold is None:
             return
@@ -172,7 +183,12 @@ class Handler:
         elif isinstance(exc, ConfigurationError):
             log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)  # the mistake is the caller's
         else:
-            log.error("%s raised\n%s%s", self.method.__qualname__, user_trace(exc), more)
+            kind = type(exc).__name__
+            log.error("%s raised %s\n%s%s", self.method.__qualname__, kind, user_trace(exc), more)
+
+    def _note_failure(self, exc: BaseException) -> None:
+        if self._note:
+            self._note(self.method.__qualname__, exc)
 
     def failed(self, exc: BaseException) -> Reply:
         values = (type(exc).__name__, str(exc), user_trace(exc))
@@ -197,6 +213,7 @@ class Handler:
             payload = _encoder(self._codec, thrown(kind))((LINEAGE.join(kind.lineage), *fields))
         except (AttributeError, EncodeError) as wrong:  # a derived class may not set every field
             log.error("%s raised %s with wrong fields: %s", self.method.__qualname__, type(exc).__name__, wrong)
+            self._note_failure(wrong)
             return self.failed(wrong)
         return Reply(Status.THROWN, payload)
 

@@ -269,7 +269,7 @@ def bind_handlers(
         turn = threading.Lock() if len(routes) > 1 and pattern is Pattern.PUBLISH and not port.concurrent else None
         for route in routes:
             channel = checked_channel(route, operation, pattern)
-            answering = kind(operation, route.transport.codec, method)
+            answering = kind(operation, route.transport.codec, method, monitor.tallies.note_failure)
             if not lazy:
                 answering.compile()
             tally = Tally(port, operation, pattern, route)

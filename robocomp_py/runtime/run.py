@@ -618,7 +618,8 @@ class Running:
         except SystemExit:
             self.stop()
         except Exception as exc:
-            log.error("%s raised\n%s", hook.__qualname__, user_trace(exc))
+            log.error("%s raised %s\n%s", hook.__qualname__, type(exc).__name__, user_trace(exc))
+            self.monitor.tallies.note_failure(hook.__qualname__, exc)
 
     def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
         state = self.state
@@ -652,13 +653,16 @@ class Running:
         except SystemExit as exc:
             if exc.code:
                 self._fail(f"{_name(hook)} called sys.exit({exc.code!r})")
+                self.monitor.tallies.note_failure(_name(hook), exc)
             self.stop()
         except ConfigurationError as exc:
             # In `initialize` it is about a setting, or a file that a setting names: the code is not at fault.
             trace = "" if self.state is State.INITIALIZE else f"{_name(hook)} raised {type(exc).__name__}\n"
             self._fail(trace + user_trace(exc) if trace else str(exc))
+            self.monitor.tallies.note_failure(_name(hook), exc)
         except Exception as exc:
             self._fail(f"{_name(hook)} raised {type(exc).__name__}\n{user_trace(exc)}")
+            self.monitor.tallies.note_failure(_name(hook), exc)
         finally:
             self._doing.remove(hook)
 
@@ -671,6 +675,7 @@ class Running:
         """A peer is gone, slow or closed. This is only logged, except in `initialize`, which must succeed."""
         if self.state is State.INITIALIZE:
             self._fail(f"initialize failed: {exc}")
+            self.monitor.tallies.note_failure(_name(hook), exc)
         elif not isinstance(exc, Closed) and str(exc) != self._last_hindrance:
             self._last_hindrance = str(exc)
             log.warning("%s did not complete: %s", _name(hook), exc)

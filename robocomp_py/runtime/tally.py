@@ -54,6 +54,9 @@ Finish = Callable[["Reply | BaseException"], object]
 Begin = Callable[["Tally", tuple[Any, ...]], Finish]
 """Takes a call that begins, with its arguments."""
 
+NoteFailure = Callable[[str, BaseException], object]
+"""Takes the name of a method, and what it raised."""
+
 
 class Timing:
     """A call that is timed, and told of while a tool watches."""
@@ -184,6 +187,13 @@ class Tallies:
     def __init__(self) -> None:
         self._every: list[Tally] = []
         self._begin: Begin | None = None
+        self.on_failure: NoteFailure | None = None
+        """Called for each exception of the component's code."""
+
+    def note_failure(self, method: str, exc: BaseException) -> None:
+        """Tell of an exception that a method of the component raised."""
+        if self.on_failure:
+            self.on_failure(method, exc)
 
     def add(self, tally: Tally, link: Link) -> None:
         """Take part from now on: its link is open."""

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import FrameType, TracebackType
 from typing import Any, Self, TypeVar
 
@@ -38,6 +39,9 @@ PATIENCE = 60.0
 _ALIVE = (State.COMPUTE, State.EMERGENCY)
 """Before and after these, a component may well wait for files or devices."""
 
+MOST_ERRORS = 100
+"""Number of exceptions that `Simulation.errors` keeps."""
+
 T = TypeVar("T")
 
 
@@ -58,6 +62,18 @@ class Part:
         return self.worker_class.middleware
 
 
+@dataclass(frozen=True)
+class Failure:
+    """An exception that the code of a component raised."""
+
+    time: float
+    """Virtual seconds since the start."""
+    instance: str
+    method: str
+    """Its name in the log, such as `SpecificWorker.EyesPub_distance`."""
+    exception: BaseException
+
+
 class Simulation:
     """Runs components in virtual time, in a `with` block. The order of `parts` decides what is simultaneous.
 
@@ -74,6 +90,7 @@ class Simulation:
         self._parts = parts
         self._components: dict[str, Simulated] = {}
         self._running: list[Running] = []
+        self._errors: list[Failure] = []
         self._stalls: set[tuple[str, str, int]] = set()
         """The instances and lines that were told to wait for the machine."""
         self._before = set(threading.enumerate())
@@ -82,6 +99,7 @@ class Simulation:
             running = Running(
                 part.worker_class, part.settings, air.factory, _tell, clock, TurnThreads(self._executor), seed=seed
             )
+            running.monitor.tallies.on_failure = partial(self._note_failure, part.settings.instance)
             self._running.append(running)
             self._components[part.settings.instance] = simulated = Simulated(running)
             self._executor.add(simulated)
@@ -100,6 +118,15 @@ class Simulation:
     def failed(self) -> list[str]:
         """The instances that have failed."""
         return [name for name, each in self._components.items() if each.failed]
+
+    @property
+    def errors(self) -> list[Failure]:
+        """The first 100 exceptions of handlers, actions, timers and hooks that were logged as errors.
+
+        One in a handler does not end its component, so that `failed` does not have it. Exceptions that the interface
+        declares are answers, and not among them.
+        """
+        return list(self._errors)
 
     @property
     def over(self) -> bool:
@@ -163,6 +190,10 @@ class Simulation:
                 return True
             is_over = is_over and each.state is State.ENDED
         return is_over
+
+    def _note_failure(self, instance: str, method: str, exc: BaseException) -> None:
+        if len(self._errors) < MOST_ERRORS:
+            self._errors.append(Failure(self.time, instance, method, exc))
 
     def _tell_stall(self, thread: threading.Thread, frame: FrameType) -> None:
         """Warn, once for each line of a component, that it waits for the machine."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.cli import rcgen
-from robocomp_py.errors import Cancelled, ComponentError, Timeout
+from robocomp_py.errors import Cancelled, ComponentError, DeclaredError, RemoteFailure, Timeout
 from robocomp_py.testing.simulation import Simulation
 
 IDSL = """
@@ -40,6 +40,8 @@ class SpecificWorker(GenericWorker):
     def Crane_lift(self, goal, target, steps):
         if target.x < 0:
             raise Blocked("a wall")
+        if target.y > 8:
+            raise ValueError("slipped")
         for number in range(steps):
             goal.feedback(left=steps - number)
             yield
@@ -128,6 +130,18 @@ def test_queries_and_commands_are_called(site: Path) -> None:
         sim.call("crane/Crane/stop")
         sim.run(0.0)
         assert sim["crane"].worker.stopped
+
+
+def test_undeclared_exceptions_of_a_goal_are_errors_and_declared_ones_are_not(site: Path) -> None:
+    with Simulation(site) as sim:
+        with pytest.raises(DeclaredError, match="a wall"):
+            sim.call(LIFT, (-1.0, 0.0), 5).result(1.0)
+        assert not sim.errors
+        with pytest.raises(RemoteFailure, match="slipped"):
+            sim.call(LIFT, (1.0, 9.0), 5).result(1.0)
+        [failure] = sim.errors
+        assert (failure.instance, failure.method) == ("crane", "SpecificWorker.Crane_lift")
+        assert str(failure.exception) == "slipped"
 
 
 def test_runs_with_calls_repeat(site: Path) -> None:

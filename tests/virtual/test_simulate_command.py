@@ -125,7 +125,7 @@ def test_a_handler_that_fails_is_logged_with_its_instance(folder: Path) -> None:
     worker = folder / "hello" / "specificworker.py"
     worker.write_text(worker.read_text().replace("self.greeted += 1", "raise ValueError('broken')"))
     done = simulate(folder / "net.ddsl", "--for", 0)
-    assert "    0.000 hello ERROR: SpecificWorker.Hello_greet raised\n" in done.stderr
+    assert "    0.000 hello ERROR: SpecificWorker.Hello_greet raised ValueError\n" in done.stderr
 
 
 def test_a_thread_of_a_component_is_a_warning(folder: Path) -> None:

@@ -10,18 +10,19 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from robocomp_py.contract.component import Component, PeriodicTimer, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.errors import ComponentError, Timeout
+from robocomp_py.errors import ComponentError, ConfigurationError, EncodeError, RobocompError, Timeout
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON
-from robocomp_py.virtual.simulation import Part, Simulation
+from robocomp_py.virtual.simulation import MOST_ERRORS, Part, Simulation
 
 from ..runtime.components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil
 
@@ -71,6 +72,84 @@ def test_time_passes_only_between_events() -> None:
         assert sim["calculator"].worker.story == ["initialize", "compute", *["work a", "compute"] * 4, "work a"]
     assert sim["pupil"].worker.story[-1] == "finish"
     assert not sim.failed
+
+
+class Broken(Calculator):
+    """Fails in its handlers."""
+
+    component = replace(Calculator.component, period=1.0)
+
+    def Everything_work(self, task: str) -> str:
+        raise KeyError(task)
+
+    def Everything_divide(self, dividend: int, divisor: int) -> tuple[int, int]:
+        if divisor:
+            return "wrong"  # type: ignore[return-value]
+        return super().Everything_divide(dividend, divisor)
+
+    def Everything_poke(self, number: int) -> None:
+        if number == 3:
+            raise ConfigurationError("three is too many")
+        raise ValueError(number)
+
+
+def test_exceptions_of_handlers_are_errors_though_the_component_goes_on() -> None:
+    class Asker(Pupil):
+        def compute(self) -> None:
+            for call in (
+                lambda: self.everything_proxy.work("a"),
+                lambda: self.everything_proxy.divide(1, 1),
+                lambda: self.everything_proxy.divide(1, 0),
+                lambda: self.everything_proxy.poke(3),
+                lambda: self.everything_proxy.poke(4),
+            ):
+                with contextlib.suppress(RobocompError):
+                    call()
+
+    with Simulation([part(Broken), part(Asker)]) as sim:
+        sim.run(0.001)
+        assert not sim.failed
+        assert {each.instance for each in sim.errors} == {"calculator"}
+        told = [(each.time, each.method.rpartition(".")[2], type(each.exception)) for each in sim.errors]
+        assert told == [
+            (0.0, "Everything_work", KeyError),
+            (0.0, "Everything_divide", EncodeError),
+            (0.0, "Everything_poke", ValueError),
+        ]
+
+
+def test_exceptions_of_subscribers_are_kept_up_to_a_limit() -> None:
+    class Talker(Diary):
+        component = Component("talker", (Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher),), period=0.001)
+        everything_proxy: EverythingPublisher
+
+        def compute(self) -> None:
+            self.everything_proxy.news(self.now() // 10**6, "")
+
+    class Listener(Diary):
+        component = Component("listener", (Port(Verb.SUBSCRIBES, e.EVERYTHING),), period=1.0)
+
+        def Everything_news(self, number: int, text: str) -> None:
+            raise ValueError(number)
+
+    with Simulation([part(Listener), part(Talker)]) as sim:
+        assert sim.run(0.2)
+        assert not sim.failed
+        numbers = [each.exception.args[0] for each in sim.errors]
+        assert numbers == list(range(numbers[0], numbers[0] + MOST_ERRORS))
+
+
+def test_the_exception_that_ended_a_component_is_an_error() -> None:
+    class Fragile(Diary):
+        def compute(self) -> None:
+            raise ZeroDivisionError("late")
+
+    with Simulation([part(Fragile)]) as sim:
+        sim.run(1.0)
+        [failure] = sim.errors
+        assert sim.failed == [failure.instance] == ["diary"]
+        assert failure.method.endswith("Fragile.compute")
+        assert isinstance(failure.exception, ZeroDivisionError)
 
 
 def test_timers_and_functions_run_while_compute_sleeps() -> None:

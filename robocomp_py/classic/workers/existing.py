@@ -335,7 +335,7 @@ class ExistingWorker(Worker[Any]):
         if more is None:
             return
         hindered = isinstance(exc, TransportError)
-        what = f"was cut short: {exc}" if hindered else f"raised\n{user_trace(exc)}"
+        what = f"was cut short: {exc}" if hindered else f"raised {type(exc).__name__}\n{user_trace(exc)}"
         own = frames_in(self._home, exc)
         slot = own[0][0].f_code.co_qualname if own else "a slot"
         self.log.log(logging.WARNING if hindered else logging.ERROR, "%s %s%s", slot, what, times_more(more))

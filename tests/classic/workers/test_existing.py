@@ -328,7 +328,7 @@ def test_an_exception_of_user_code_is_logged_with_its_place_and_the_component_co
         asker.wait_for(lambda: len(user_of(asker).seen) > 3)
     assert asker.fine
     [told] = [each.getMessage() for each in caplog.records if each.levelno >= logging.ERROR]
-    assert told.startswith("SpecificWorker.compute raised\n")
+    assert told.startswith("SpecificWorker.compute raised ValueError\n")
     assert f'File "{folder}/src/specificworker.py", line 20' in told
     assert "robocomp_py" not in told
 

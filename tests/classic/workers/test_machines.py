@@ -121,7 +121,7 @@ def test_an_exception_of_a_states_slot_is_logged_and_the_machine_continues(
         arm.wait_for(lambda: "finalize" in seen(arm))
     assert arm.fine
     told = [each.getMessage() for each in caplog.records if "raised" in each.getMessage()]
-    assert [each.splitlines()[0] for each in told] == ["SpecificWorker.fail raised"]
+    assert [each.splitlines()[0] for each in told] == ["SpecificWorker.fail raised ValueError"]
 
 
 def test_a_machine_that_is_not_started_stays_where_it_is(tmp_path: Path) -> None:
