@@ -40,7 +40,7 @@ from .settings import Settings
 from .signals import Signals
 from .statemachine import Machine, Trigger
 from .timers import Agenda, Timer, TimerHandle, Timers
-from .trace import user_trace
+from .trace import place_of, user_trace
 from .unsafe import write_out
 from .watch import Lost, Missed
 from .watchdog import Watchdog
@@ -237,6 +237,13 @@ class Running:
     def doing(self) -> str:
         """The name of the hook that is running; "" if none is."""
         return _name(self._doing[-1]) if self._doing else ""
+
+    @property
+    def busy(self) -> str:
+        """What its code is at, for a message; "" if no thread is inside its monitor."""
+        thread, _ = self.monitor.turn()
+        what = place_of(thread) or self.doing
+        return f"{self.settings.instance} is busy with {what or 'a handler'}" if thread is not None else ""
 
     @property
     def life(self) -> str:

@@ -17,6 +17,7 @@ log = logging.getLogger(__name__)
 
 _PACKAGE = Path(__file__).parent.parent
 _PLUMBING = f"{_PACKAGE}{os.sep}"
+_STANDARD = f"{Path(os.__file__).parent}{os.sep}"
 _NO_FILES = ("<frozen ", "<robocomp_py")
 
 
@@ -65,6 +66,23 @@ def way_of(exc: BaseException) -> Hashable:
 def times_more(number: int) -> str:
     """The line below an exception that says how many equal ones were not logged; "" if there were none."""
     return f"\n(and {number} more times since it was last logged)" if number else ""
+
+
+def place_of(thread: int | None) -> str:
+    """What code of a component a thread is at: its method, file and line; "" if it is in none."""
+    frame = sys._current_frames().get(thread) if thread else None
+    place = method = ""
+    while frame and not (place and _is_plumbing(frame.f_code.co_filename)):
+        code = frame.f_code
+        if not (_is_plumbing(code.co_filename) or _is_library(code.co_filename)):
+            place = place or f"{code.co_filename}:{frame.f_lineno}"
+            method = code.co_qualname
+        frame = frame.f_back
+    return f"{method} at {place}" if place else ""
+
+
+def _is_library(file: str) -> bool:
+    return file.startswith(_STANDARD) or f"{os.sep}site-packages{os.sep}" in file
 
 
 def _is_plumbing(file: str) -> bool:

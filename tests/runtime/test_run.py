@@ -156,6 +156,25 @@ def test_a_compute_that_waits_for_a_slow_handler_names_the_handler(find: Any, ca
     assert re.search(rf"compute waited for other code of this component \({cause}\): \d+ periods", said)
 
 
+def test_a_component_tells_what_it_is_busy_with(find: Any) -> None:
+    class Waiting(Diary):
+        def __init__(self) -> None:
+            super().__init__()
+            self.begun, self.released = threading.Event(), threading.Event()
+
+        def compute(self) -> None:
+            self.begun.set()
+            self.released.wait(SOON)
+
+    component = make(Waiting, find)
+    with running(component) as worker:
+        assert worker.begun.wait(SOON)
+        busy = component.busy
+        worker.released.set()
+    assert re.fullmatch(rf"diary is busy with \S*\.Waiting\.compute at {re.escape(__file__)}:\d+", busy)
+    assert component.busy == ""
+
+
 def test_a_component_tells_its_state_counts_ports_and_peers(find: Any) -> None:
     operations = {operation.name: operation for operation in COMMONBEHAVIOR_INTERFACE.operations}
 

@@ -30,6 +30,7 @@ class Component:
         self.monitor.open()
         self.is_up = True
         self.life = ""
+        self.busy = "laser is busy with compute at laser.py:7"
         self._looks = threading.Semaphore(0)
 
     @property
@@ -81,6 +82,21 @@ def test_one_that_is_at_the_same_thing_is_silent_and_one_that_waits_for_an_answe
         assert told == []
         with component.monitor.suspended():
             wait_until(lambda: "WATCHDOG=1" in told)
+
+
+def test_the_log_says_once_what_it_is_busy_with(component: Component, caplog: pytest.LogCaptureFixture) -> None:
+    with component.monitor.held(), watched(component):
+        wait_until(lambda: caplog.records)
+        component.looked_at(5)
+    [told] = [each.getMessage() for each in caplog.records]
+    assert told.startswith("laser is busy with compute at laser.py:7 for more than 0.01")
+    assert told.endswith(" s; the watchdog ends it after 0.015 s")
+
+
+def test_one_that_gets_on_is_busy_with_nothing(component: Component, caplog: pytest.LogCaptureFixture) -> None:
+    with watched(component):
+        component.looked_at(10)
+    assert not caplog.records
 
 
 def test_nothing_is_said_before_it_is_ready(component: Component) -> None:
