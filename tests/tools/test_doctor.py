@@ -397,6 +397,8 @@ def test_processes_that_failed_or_were_started_again_are_found() -> None:
     ("text", "shown"),
     [
         ("compute raised\nTraceback:\n  File x\nValueError: no\n(and 3 more times)", "compute raised: ValueError: no"),
+        ("compute raised Odd\nTraceback:\n  File x\nlib.Odd: no", "compute raised: lib.Odd: no"),
+        ("compute raised Odd\nTraceback:\n  File x\nOther: no", "compute raised Odd: Other: no"),
         ("out of range", "out of range"),
         ("", "?"),
         ("x" * 300, "x" * 200 + "…"),
