@@ -55,6 +55,9 @@ _ARGUMENTS = {
 }
 """Arguments of a constructor after the proxies."""
 
+_PLACES = 3
+"""Maximum number of lines that a warning names."""
+
 
 def existing_worker(folder: Path, package: str, alone: bool) -> type[ExistingWorker]:
     """The worker class for a component with a generated generic part, whose folder is the package of that name.
@@ -128,6 +131,14 @@ def _is_users(path: Path, folder: Path) -> bool:
     return path.name == WORKER.name or not path.name.startswith("ui_")
 
 
+def _sleeps(text: str) -> Iterator[int]:
+    """The lines of a file that call `time.sleep`."""
+    for node in ast.walk(parsed(text, "its file")):
+        match node:
+            case ast.Call(func=ast.Attribute(value=ast.Name(id="time"), attr="sleep") | ast.Name(id="sleep")):
+                yield node.lineno
+
+
 class ExistingWorker(Worker[Any]):
     """Base of the worker classes, one for each loaded component."""
 
@@ -172,6 +183,7 @@ class ExistingWorker(Worker[Any]):
             quit=self.stop,
             outside=self._suspended,
             tell=self._tell,
+            clock=self._clock,
             folder=self._home,
             name=self.instance,
         )
@@ -205,10 +217,7 @@ class ExistingWorker(Worker[Any]):
 
     def initialize(self) -> None:
         if not isinstance(self._clock, Real):
-            self.log.warning(
-                "its timers and `time.sleep` follow the machine's clock, not the time of this run; a component that "
-                "RoboComp's generators made works in real time only"
-            )
+            self._warn_of_machine_time()
         texts, tables = entries(self._document or Document(), self._period)
         proxies = {key: proxy for port, proxy in self._proxies() for key in spellings.keys(port)}
         given = {"proxies": proxies, "tables": tables, "texts": texts, "no": False}
@@ -223,7 +232,7 @@ class ExistingWorker(Worker[Any]):
         if self._chart and self._chart.due:
             self._chart.step()
         else:
-            self._loop.run(time.monotonic())
+            self._loop.run(self._clock.now())
 
     def finish(self) -> None:
         begun = time.monotonic()
@@ -252,7 +261,22 @@ class ExistingWorker(Worker[Any]):
             self._loop.post(self.stop)
 
     def _beats(self, now: int) -> Beat:
+        self._loop.begin(now)
         return _LoopBeat(self._loop, self._chart, self._period, self._period_set)
+
+    def _warn_of_machine_time(self) -> None:
+        """Warn of what does not follow the clock of the component."""
+        if self._need:
+            self.log.warning(
+                "it needs Qt (%s), whose timers follow the machine's clock, not the time of this run", self._need.why
+            )
+        places = [f"src/{name}:{line}" for name, text in self.sources.items() for line in _sleeps(text)]
+        if places:
+            self.log.warning(
+                "%s: `time.sleep` waits for the machine while the time of this run stands still; "
+                "`QTimer` follows the time of this run",
+                ", ".join(places[:_PLACES]) + (", ..." if len(places) > _PLACES else ""),
+            )
 
     def _period_set(self, seconds: float) -> None:
         """The period was changed from outside."""

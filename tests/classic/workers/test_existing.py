@@ -690,14 +690,3 @@ def test_it_runs_in_its_own_folder_if_it_has_the_process_for_itself(
     for alone in (False, True):
         with running(arms["2021"], alone=alone):
             assert (Path.cwd() == arms["2021"]) == alone
-
-
-def test_a_component_that_does_not_follow_the_clock_of_a_run_says_so(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    worker = load_worker(client(tmp_path, "        pass\n"), afresh=True)
-    told = "its timers and `time.sleep` follow the machine's clock"
-    with ComponentTest(worker):
-        assert told not in caplog.text
-    with ComponentTest(worker, virtual=True):
-        assert told in caplog.text

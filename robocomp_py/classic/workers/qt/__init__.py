@@ -7,14 +7,13 @@ whatever version of Qt a file imports.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
-from ....runtime.clock import ns
+from ....runtime.clock import Clock
 from ....runtime.lifecycle import Beat
 from ....runtime.worker import Front
 from .needs import Need, need
@@ -23,9 +22,6 @@ from .standin import StandInLoop
 __all__ = ["Loop", "LoopBeat", "Need", "need", "open_loop"]
 
 T = TypeVar("T")
-
-_LONG = 3600.0
-"""Seconds between two checks of an idle loop."""
 
 
 class Loop(Protocol):
@@ -66,10 +62,14 @@ class Loop(Protocol):
     def wait_for(self, function: Callable[[], T]) -> T:
         """Call a blocking function for the user's code, on any thread, while other code may run."""
 
-    def due(self, now: float) -> float | None:
-        """Seconds until something is due; 0: now; None: nothing until `wake` is called."""
+    def begin(self, now: int) -> None:
+        """Called once, before the first `run`: timers that were started before are not late. The time is that of the
+        component's clock, in nanoseconds, as those below."""
 
-    def run(self, now: float) -> None:
+    def due(self, now: int) -> int:
+        """The time at which something is due: `now` if it is late, NEVER if nothing is due until `wake` is called."""
+
+    def run(self, now: int) -> None:
         """Do one due thing inside the component's monitor. Exceptions of slots are logged, but SystemExit passes."""
 
     def post(self, call: Callable[[], object]) -> None:
@@ -87,6 +87,7 @@ def open_loop(
     quit: Callable[[], None],
     outside: Callable[[], AbstractContextManager[None]],
     tell: Callable[[BaseException], None],
+    clock: Clock,
     folder: Path,
     name: str,
 ) -> Loop:
@@ -94,10 +95,11 @@ def open_loop(
 
     `wake` is called, from any thread, when something may be due earlier than `due` has returned; `quit` when its code
     or its last window wants the component to end. `outside` lets other code run while the calling thread waits. `tell`
-    gets exceptions of slots. `folder` holds its .ui files. Raises ComponentError if PySide6 is needed but missing.
+    gets exceptions of slots. The stand-in's timers follow `clock`, those of real Qt the machine. `folder` holds its .ui
+    files. Raises ComponentError if PySide6 is needed but missing.
     """
     if not need:
-        return StandInLoop(wake, quit, outside, tell)
+        return StandInLoop(wake, quit, outside, tell, clock)
     from .real import Real  # imports PySide6
 
     return Real(need, tell, folder, name, outside)
@@ -111,8 +113,7 @@ class LoopBeat(Beat):
         self._loop = loop
 
     def due(self, now: int) -> int:
-        seconds = self._loop.due(time.monotonic())
-        return now + ns(_LONG if seconds is None else min(seconds, _LONG))
+        return self._loop.due(now)
 
     def begun(self) -> None: ...
 

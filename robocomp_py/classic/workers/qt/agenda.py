@@ -1,17 +1,16 @@
-"""The schedule of a component: queued calls, and alarms. The clock is a parameter.
+"""The schedule of a component: queued calls, and alarms. Times are those of its clock, in nanoseconds.
 
 The earliest is done first. A repeating alarm keeps its rhythm: missed times are skipped and counted.
 """
 
 from __future__ import annotations
 
-import math
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 
 from ....errors import ComponentError
+from ....runtime.clock import NEVER, Clock
 
 MAX_POSTED = 10_000
 """Maximum number of waiting calls."""
@@ -22,9 +21,8 @@ class Alarm:
 
     def __init__(self, ring: Callable[[], object], single: bool = False) -> None:
         self.ring, self.single = ring, single
-        self.interval = 0.0
-        """The interval in seconds."""
-        self.at: float | None = None
+        self.interval = 0
+        self.at: int | None = None
         """Time of the next call."""
         self.ringing = False
 
@@ -32,18 +30,21 @@ class Alarm:
 class Agenda:
     """Any thread may post and change; the thread that calls `do` runs what is due."""
 
-    def __init__(self, wake: Callable[[], None], clock: Callable[[], float] = time.monotonic) -> None:
-        """`wake` is called, on the changing thread, when something may be due earlier than `due` has returned."""
+    def __init__(self, wake: Callable[[], None], clock: Clock, least: int = 0) -> None:
+        """`wake` is called, on the changing thread, when something may be due earlier than `due` has returned.
+
+        `least` is the shortest interval of an alarm.
+        """
         self.missed = 0
         """Number of skipped alarms, because something took too long."""
         self.closed = False
-        self._wake, self._clock = wake, clock
+        self._wake, self._clock, self._least = wake, clock, least
         self._lock = threading.Lock()
-        self._posted: deque[tuple[float, Callable[[], object]]] = deque()
+        self._posted: deque[tuple[int, Callable[[], object]]] = deque()
         self._alarms: list[Alarm] = []
 
-    def now(self) -> float:
-        return self._clock()
+    def now(self) -> int:
+        return self._clock.now()
 
     def post(self, call: Callable[[], object]) -> None:
         with self._lock:
@@ -53,16 +54,16 @@ class Agenda:
                 raise ComponentError(
                     f"{MAX_POSTED} calls wait to be made already; a thread emits signals faster than they are handled"
                 )
-            self._posted.append((self._clock(), call))
+            self._posted.append((self._clock.now(), call))
         self._wake()
 
-    def start(self, alarm: Alarm, interval: float) -> None:
+    def start(self, alarm: Alarm, interval: int) -> None:
         """Start an alarm; one that was started before begins anew."""
         with self._lock:
-            alarm.interval = interval
+            alarm.interval = interval = max(interval, self._least)
             if self.closed:
                 return
-            alarm.at = self._clock() + interval
+            alarm.at = self._clock.now() + interval
             if alarm not in self._alarms:
                 self._alarms.append(alarm)
         self._wake()
@@ -73,13 +74,20 @@ class Agenda:
             if alarm in self._alarms:
                 self._alarms.remove(alarm)
 
-    def due(self, now: float) -> float | None:
-        """Seconds until something is due; 0: now; None: nothing."""
+    def skip_to(self, now: int) -> None:
+        """Let alarms that are late be due now, in their order. The time until then is not counted as missed."""
         with self._lock:
-            first = min(_time_of(self._next_alarm()), self._posted[0][0] if self._posted else math.inf)
-        return None if first == math.inf else max(0.0, first - now)
+            self._alarms.sort(key=_time_of)
+            for alarm in self._alarms:
+                alarm.at = max(now, _time_of(alarm))
 
-    def do(self, now: float) -> bool:
+    def due(self, now: int) -> int:
+        """The time at which something is due: `now` if it is late, NEVER if there is nothing."""
+        with self._lock:
+            first = min(_time_of(self._next_alarm()), self._posted[0][0] if self._posted else NEVER)
+        return max(now, first)
+
+    def do(self, now: int) -> bool:
         """Do one thing that is due; False if there is none."""
         with self._lock:
             alarm = self._next_alarm()
@@ -111,7 +119,7 @@ class Agenda:
     def _next_alarm(self) -> Alarm | None:
         return min((each for each in self._alarms if not each.ringing), key=_time_of, default=None)
 
-    def _set_again(self, alarm: Alarm, now: float) -> None:
+    def _set_again(self, alarm: Alarm, now: int) -> None:
         if alarm.single or alarm.at is None:
             alarm.at = None
             self._alarms.remove(alarm)
@@ -122,10 +130,10 @@ class Agenda:
         if not alarm.interval:
             alarm.at = now
             return
-        late = math.floor((now - alarm.at) / alarm.interval) + 1
+        late = (now - alarm.at) // alarm.interval + 1
         self.missed += late
         alarm.at += late * alarm.interval
 
 
-def _time_of(alarm: Alarm | None) -> float:
-    return math.inf if alarm is None or alarm.at is None else alarm.at
+def _time_of(alarm: Alarm | None) -> int:
+    return NEVER if alarm is None or alarm.at is None else alarm.at

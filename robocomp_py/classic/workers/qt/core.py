@@ -24,10 +24,14 @@ from enum import IntEnum
 from functools import partial
 from typing import Any, ClassVar
 
+from ....runtime.clock import SECOND
 from .agenda import Agenda, Alarm
 from .mutex import MutexSet, mutexes
 
 Slot_ = Callable[..., Any]
+
+MILLISECOND = SECOND // 1000
+"""One millisecond, in the unit of clocks."""
 
 
 class EventContext:
@@ -317,7 +321,7 @@ class Timer(Object):
     def start(self, msec: float | None = None) -> None:
         if msec is not None:
             self._qt_interval = _milliseconds(msec)
-        self._qt_context.agenda.start(self._qt_alarm, self._qt_interval / 1000)
+        self._qt_context.agenda.start(self._qt_alarm, self._qt_interval * MILLISECOND)
 
     def stop(self) -> None:
         self._qt_context.agenda.stop(self._qt_alarm)
@@ -335,7 +339,7 @@ class Timer(Object):
 
     def remainingTime(self) -> int:
         at = self._qt_alarm.at
-        return -1 if at is None else max(0, math.ceil((at - self._qt_context.agenda.now()) * 1000))
+        return -1 if at is None else max(0, -((self._qt_context.agenda.now() - at) // MILLISECOND))
 
     def isSingleShot(self) -> bool:
         return self._qt_alarm.single
@@ -357,7 +361,9 @@ class Timer(Object):
         receiver, last = to[-2] if len(to) > 1 else None, to[-1]
         slot = getattr(receiver, _named(last)) if isinstance(last, str) else last
         call = slot if callable(slot) else slot.emit
-        context.agenda.start(Alarm(partial(context.attempt, None, call), single=True), _milliseconds(msec) / 1000)
+        context.agenda.start(
+            Alarm(partial(context.attempt, None, call), single=True), _milliseconds(msec) * MILLISECOND
+        )
 
     def _qt_delete(self) -> None:
         self.stop()

@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import PurePath
 from typing import Any
 
+from ....runtime.clock import Virtual
 from ..python2 import parsed
 from .agenda import Agenda
 from .core import EventContext, core
@@ -215,5 +216,5 @@ def provided(names: list[str]) -> bool:
 
 @cache
 def _stand_in() -> dict[str, Any]:
-    context = EventContext(Agenda(lambda: None), lambda exc: None, lambda: None, nullcontext)
+    context = EventContext(Agenda(lambda: None, Virtual()), lambda exc: None, lambda: None, nullcontext)
     return core(context, MutexSet(nullcontext))

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from ....errors import ComponentError
+from ....runtime.clock import SECOND
 from .core import rand
 from .front import Front, Joined, qt
 from .mutex import MutexSet, mutexes
@@ -45,7 +46,7 @@ _MOVED = {
 _HEADER = re.compile(r"(<header[^<>]*>[^<>]*?)\.py\s*(?=</header>)")
 """Where a widget of the user's is, written as a file of Python's: Qt's compiler wants a module, or a file of C++'s."""
 
-_ASK_S = 1.0
+_ASK = SECOND
 """Period of the checks whether the main thread still answers."""
 
 _REST_S = 2.0
@@ -79,7 +80,7 @@ class Real:
         self.modules: Mapping[str, ModuleType] = Served(self._look_up, self._exported, self._forms(folder))
         joined = Joined(folder, tell, lambda: self._keeper.any_locked)
         self._leave: Callable[[], None] | None = self._front.join(joined)
-        self._asked = 0.0
+        self._asked = 0
 
     @property
     def in_front(self) -> Callable[[Callable[[], bool], Callable[[], None]], bool]:
@@ -90,10 +91,12 @@ class Real:
         errand does. While a lock is held, the main thread would run nothing else anyway."""
         return nullcontext() if self._front.here else self._outside()
 
-    def due(self, now: float) -> float:
-        return max(0.0, self._asked + _ASK_S - now)
+    def begin(self, now: int) -> None: ...
 
-    def run(self, now: float) -> None:
+    def due(self, now: int) -> int:
+        return max(now, self._asked + _ASK)
+
+    def run(self, now: int) -> None:
         """Wait until the main thread answers; this component cannot continue before."""
         self._asked = now
         self._front.call(lambda: None, self._outside, always=True)

@@ -1,4 +1,8 @@
-"""The event loop of a component that uses the stand-in for Qt. It runs on the component's own thread."""
+"""The event loop of a component that uses the stand-in for Qt. It runs on the component's own thread.
+
+Timers follow the component's clock. A timer of 0 ms is due at once on the machine's clock. Other clocks may stand still
+until nothing is due any more, so there it takes 1 ms.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,9 @@ from contextlib import AbstractContextManager
 from types import ModuleType
 from typing import Any, TypeVar
 
+from ....runtime.clock import Clock, Real
 from .agenda import Agenda
-from .core import Application, EventContext, core
+from .core import MILLISECOND, Application, EventContext, core
 from .mutex import MutexSet
 from .served import Absent, Served
 
@@ -30,10 +35,11 @@ class StandInLoop:
         quit_: Callable[[], None],
         outside: Callable[[], AbstractContextManager[None]],
         tell: Callable[[BaseException], None],
+        clock: Clock,
     ) -> None:
         self.outside = outside
         self.builtins: dict[str, Any] | None = None
-        self._agenda = Agenda(wake)
+        self._agenda = Agenda(wake, clock, 0 if isinstance(clock, Real) else MILLISECOND)
         self._context = EventContext(self._agenda, tell, quit_, outside)
         self._mutexes = MutexSet(outside)
         self._core = core(self._context, self._mutexes)
@@ -45,10 +51,13 @@ class StandInLoop:
     def missed(self) -> int:
         return self._agenda.missed
 
-    def due(self, now: float) -> float | None:
+    def begin(self, now: int) -> None:
+        self._agenda.skip_to(now)
+
+    def due(self, now: int) -> int:
         return self._agenda.due(now)
 
-    def run(self, now: float) -> None:
+    def run(self, now: int) -> None:
         self._context.thread = threading.get_ident()
         self._has_run = True
         self._agenda.do(now)

@@ -8,18 +8,20 @@ from contextlib import contextmanager
 from typing import Any
 
 from robocomp_py.classic.workers.qt.standin import StandInLoop
+from robocomp_py.runtime.clock import Clock, Real
 from robocomp_py.testing.patience import SOON
 
 
 class Component:
     """What a component's files see, and what became of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock | None = None) -> None:
+        self.clock = clock or Real()
         self.told: list[BaseException] = []
         self.outside = 0
         """How many are outside just now."""
         self.woken = self.quits = 0
-        self.loop = StandInLoop(self._wake, self._quit, self._outside, self.told.append)
+        self.loop = StandInLoop(self._wake, self._quit, self._outside, self.told.append, self.clock)
         self.loop.call(lambda: None)
 
     @property
@@ -35,15 +37,16 @@ class Component:
         end = time.monotonic() + SOON
         while not condition():
             assert time.monotonic() < end, "it has not come to that"
-            if self.loop.due(time.monotonic()) == 0.0:
-                self.loop.run(time.monotonic())
+            now = self.clock.now()
+            if self.loop.due(now) == now:
+                self.loop.run(now)
             else:
                 time.sleep(0.001)
 
     def run_all(self) -> None:
         """Do what is due at this moment."""
-        now = time.monotonic()
-        while self.loop.due(now) == 0.0:
+        now = self.clock.now()
+        while self.loop.due(now) == now:
             self.loop.run(now)
 
     def _wake(self) -> None:

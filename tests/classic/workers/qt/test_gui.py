@@ -581,9 +581,10 @@ def test_what_was_posted_from_elsewhere_runs_in_the_main_thread(tmp_path: Path) 
     from contextlib import nullcontext
     from pathlib import Path
     from robocomp_py.classic.workers.qt import Need, open_loop
+    from robocomp_py.runtime.clock import Real
 
     loop = open_loop(Need(window="QWidget"), wake=print, quit=print, outside=nullcontext, tell=print,
-                     folder=Path("."), name="post")
+                     clock=Real(), folder=Path("."), name="post")
     done = threading.Event()
 
     def note():

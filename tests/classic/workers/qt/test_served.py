@@ -11,6 +11,7 @@ import pytest
 
 from robocomp_py.classic.workers.qt import need, open_loop
 from robocomp_py.errors import ComponentError
+from robocomp_py.runtime.clock import Real
 
 from .alone import Component
 
@@ -74,6 +75,7 @@ def test_a_missing_qt_is_an_error_with_the_reason_and_what_to_install(
             quit=lambda: None,
             outside=nullcontext,
             tell=lambda exc: None,
+            clock=Real(),
             folder=tmp_path,
             name="view",
         )
