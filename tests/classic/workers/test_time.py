@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.runtime.load import load_worker
 from robocomp_py.testing.components import ComponentTest
 from robocomp_py.testing.patience import SOON, wait_until
@@ -129,3 +130,34 @@ def test_what_waits_for_the_machine_is_told_except_in_real_time(
         arm.run(0.5)
         assert arm.worker._user.number == 5
         assert told in caplog.text
+
+
+def test_time_goes_on_while_a_handler_waits_for_a_mutex(tmp_path: Path) -> None:
+    slow = "module RoboCompSlow { interface Slow { void work(); }; };\n"
+    model = 'import "Slow.idsl"; Component slow { Communications { implements Slow; }; language python; };'
+    locked = "        self.mutex.lock()\n        self.seen.append({what})\n        self.mutex.unlock()\n"
+    arm = Form(
+        SERVER.replace("publishes Touch", "requires Slow").replace("Touch.idsl", "Slow.idsl"),
+        BARE.replace("        pass\n", locked.format(what="self.slow_proxy.work()"))
+        + "\n    def Arm_halt(self):\n"
+        + locked.format(what="'halt'"),
+        more={"Slow.idsl": slow},
+    )
+    made(tmp_path / "arm", arm)
+    folder = tmp_path / "slow"
+    folder.mkdir()
+    (folder / "Slow.idsl").write_text(slow)
+    (folder / "slow.cdsl").write_text(model)
+    assert rcgen([str(folder / "slow.cdsl")]) == 0
+    worker = folder / "specificworker.py"
+    head = worker.read_text().partition("class SpecificWorker")[0]
+    worker.write_text(
+        f"{head}class SpecificWorker(GenericWorker):\n    def Slow_work(self) -> None:\n        self.sleep(0.0075)\n"
+    )
+    net = 'import "arm/arm.cdsl"; import "slow/slow.cdsl"; Deployment net { Component arm { }; Component slow { }; };'
+    (tmp_path / "net.ddsl").write_text(net)
+    with Simulation(tmp_path / "net.ddsl") as sim:
+        sim.run(0.012)
+        sim.call("arm/Arm/halt")
+        assert sim["arm"].worker._user.seen == [None, "halt"]
+        assert sim.time == 0.018  # the call ends at 17.5 ms, and the handler looks every millisecond

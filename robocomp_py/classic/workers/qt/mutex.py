@@ -7,33 +7,73 @@ monitor until it is free.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, ClassVar
 
 from ....errors import Closed
+from ....runtime.clock import SECOND, Clock
 
 _LOOK_S = 1.0
 """Seconds between two checks, while waiting, whether the component ends."""
+
+_STEP = SECOND // 1000
+"""Nanoseconds between two attempts to lock on a clock that others move."""
 
 
 class MutexSet:
     """Shared state of the mutexes of one component."""
 
     def __init__(
-        self, outside: Callable[[], AbstractContextManager[None]], freed: Callable[[], object] = lambda: None
+        self,
+        outside: Callable[[], AbstractContextManager[None]],
+        freed: Callable[[], object] = lambda: None,
+        moved: Clock | None = None,
     ) -> None:
-        """`freed` is called when the last locked mutex was released."""
+        """`freed` is called when the last locked mutex was released.
+
+        `moved` is the component's clock if others move it. It must go on while code waits for a mutex, because the
+        code that holds the mutex may wait for a time.
+        """
         self.outside = outside
         self.closed = False
-        self._freed = freed
+        self._freed, self._moved = freed, moved
         self._lock = threading.Lock()
         self._locked = 0
 
     @property
     def any_locked(self) -> bool:
         return self._locked > 0
+
+    def wait(self, attempt: Callable[[float], bool], seconds: float) -> bool:
+        """Attempt until it succeeds, or until that time has passed. An attempt takes the seconds that it may wait.
+
+        Raises Closed if the component ends meanwhile.
+        """
+        with self.outside():
+            if self._moved:
+                return self._wait_on(self._moved, attempt, seconds)
+            while not attempt(min(seconds, _LOOK_S)):
+                seconds -= _LOOK_S
+                if seconds <= 0:
+                    return False
+                self._check_open()
+        return True
+
+    def _wait_on(self, clock: Clock, attempt: Callable[[float], bool], seconds: float) -> bool:
+        end = clock.now() + seconds * SECOND
+        while not attempt(0):
+            if clock.now() >= end:
+                return False
+            self._check_open()
+            clock.wait(threading.Event(), clock.now() + _STEP)
+        return True
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise Closed("the component ends while it waits for a QMutex")
 
     def count(self, change: int) -> None:
         with self._lock:
@@ -66,10 +106,7 @@ class Mutex:
             raise RuntimeError(
                 "this thread has locked this QMutex already, and it is not recursive: it would wait forever"
             )
-        with self.keeper.outside():
-            while not self.try_lock(_LOOK_S):
-                if self.keeper.closed:
-                    raise Closed("the component ends while it waits for a QMutex")
+        self.keeper.wait(self.try_lock, math.inf)
 
     def tryLock(self, timeout: int = 0) -> bool:
         """`timeout` in milliseconds; negative: as `lock`."""
@@ -80,8 +117,7 @@ class Mutex:
             return True
         if not timeout or self._owner == threading.get_ident():
             return False
-        with self.keeper.outside():
-            return self.try_lock(timeout / 1000)
+        return self.keeper.wait(self.try_lock, timeout / 1000)
 
     def try_lock(self, seconds: float) -> bool:
         me = threading.get_ident()

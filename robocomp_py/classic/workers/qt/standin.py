@@ -39,9 +39,10 @@ class StandInLoop:
     ) -> None:
         self.outside = outside
         self.builtins: dict[str, Any] | None = None
-        self._agenda = Agenda(wake, clock, 0 if isinstance(clock, Real) else MILLISECOND)
+        moved = None if isinstance(clock, Real) else clock
+        self._agenda = Agenda(wake, clock, MILLISECOND if moved else 0)
         self._context = EventContext(self._agenda, tell, quit_, outside)
-        self._mutexes = MutexSet(outside)
+        self._mutexes = MutexSet(outside, moved=moved)
         self._core = core(self._context, self._mutexes)
         self._has_run = False
         self.base: type = self._core["QObject"]
