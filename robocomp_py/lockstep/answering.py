@@ -1,4 +1,4 @@
-"""A follower's end of the socket on which the leader of its clock asks, and of those to its neighbours in a chain.
+"""A follower's end of the socket on which the leader of its clock asks.
 
 One thread at a time receives the questions: that of the component's loop, while it waits for the clock, so that no
 other thread has to wake up for an instant; otherwise the reader, a thread that belongs to this end.
@@ -24,7 +24,7 @@ from typing import Protocol
 from ..threads import start_thread
 from ..transports.base import receives
 from .balance import State
-from .line import DUE, HEAR, KIND, LOOK, MOST, QUESTION, bound, is_own, pack_answer, unpack_answer, unpack_dues
+from .line import MOST, QUESTION, STEP, bound, is_own, pack_answer, unpack_answer
 
 log = logging.getLogger("robocomp.clock")
 
@@ -135,16 +135,6 @@ class Answering:
         self._closed = False
         self._lock = threading.Lock()
         self._connected: socket.socket | None = None
-        self._before: socket.socket | None = None
-        """On which the follower before it in the chain passes questions on."""
-        self._after: socket.socket | None = None
-        """On which it passes them on."""
-        self._newest = 0
-        """The number of the latest question."""
-        self._known: object = None
-        """What the leader knows of its state, besides when it is due."""
-        self._polls: list[select.poll] = []
-        """Those of the reader and of the loop."""
         self._poll: Callable[[float], list[tuple[int, int]]] = lambda timeout: []
         """Waits for a question, or for the alarm, at most for this time in milliseconds."""
         self._is_wanted = False
@@ -222,7 +212,7 @@ class Answering:
                 self._bell.ring()
 
     def _attend(self, sock: socket.socket, timeout: float) -> bool:
-        alarm, bell, wait = self.alarm, self.alarm.bell.number, self._poll
+        alarm, number, wait = self.alarm, sock.fileno(), self._poll
         if not self._registered:
             self._registered = True
             receives(self._step_aside)
@@ -234,10 +224,12 @@ class Answering:
             alarm.is_polled = True
             ready = [] if alarm.is_set() else wait(timeout * 1000)
             alarm.is_polled = False
-            if not ready or any(number == bell for number, _ in ready):  # nothing for this time, or the alarm
+            if len(ready) != 1 or ready[0][0] != number:  # the alarm, or nothing for this time
                 alarm.bell.silence()
                 return alarm.is_set()
-            question = self._receive(sock, ready[0][0])
+            question = self._receive(sock)
+            if not question:
+                raise OSError("the connection has ended")
 
     def _step_aside(self) -> None:
         """Leave the questions to the reader, because the loop is about to block."""
@@ -273,16 +265,12 @@ class Answering:
                         self._connected = None
                         self._is_lent = self._is_wanted = False
                         self._owed = self._left = b""
-                    self._polls = []
-                    self._hear(None)
-                    self._tell(None)
 
     def _serve(self, sock: socket.socket) -> None:
         own, loops = select.poll(), select.poll()
         for poll, bell in ((own, self._bell), (loops, self.alarm.bell)):
             poll.register(sock, select.POLLIN)
             poll.register(bell.number, select.POLLIN)
-        self._polls, self._newest, self._known = [own, loops], 0, None
         with self._lock:
             self._connected, self._poll = sock, loops.poll
         while not self._closed:
@@ -300,12 +288,14 @@ class Answering:
                 continue
             if not question:
                 ready = own.poll()
-                numbers = [number for number, _ in ready if number != self._bell.number]
-                if len(numbers) != len(ready):
+                if any(number == self._bell.number for number, _ in ready):
                     self._bell.silence()
-                question = self._receive(sock, numbers[0]) if numbers else b""
-            if question:
-                self._answer(sock, question)
+                if all(number == self._bell.number for number, _ in ready):
+                    continue
+                question = self._receive(sock)
+                if not question:
+                    return
+            self._answer(sock, question)
 
     def _look_out(self) -> None:
         """Return when the loop receives no longer."""
@@ -326,84 +316,19 @@ class Answering:
                     return
                 self._is_watched = quiet < _QUIET
 
-    # The thread that receives.
-
-    def _receive(self, sock: socket.socket, ready: int) -> bytes:
-        """The next question of the leader, or of the follower before; "" if that one is gone.
-
-        `ready` is the descriptor of the one that has something. Raises OSError if the leader is gone.
-        """
-        if ready == sock.fileno():
-            size = sock.recv_into(self._buffer)
-            if not size:
-                raise OSError("the connection has ended")
-            if self._buffer[KIND] >= HEAR:
-                self._take(sock, self._buffer[KIND])
-            return bytes(self._buffer[:size])
-        try:
-            size = self._before.recv_into(self._buffer) if self._before else 0
-        except OSError as exc:
-            log.debug("the follower before is gone: %s", exc)
-            size = 0
-        if not size:
-            self._hear(None)
-        return bytes(self._buffer[:size])
-
-    def _take(self, sock: socket.socket, kind: int) -> None:
-        """Take the socket that follows a question."""
-        if not select.select([sock], (), (), _STUCK)[0]:
-            raise OSError("a socket has not arrived")
-        _, numbers, *_ = socket.recv_fds(sock, 1, 1)
-        end = socket.socket(fileno=numbers[0])
-        if kind == HEAR:
-            self._hear(end)
-        else:
-            self._tell(end)
-
-    def _hear(self, end: socket.socket | None) -> None:
-        if self._before:
-            for poll in self._polls:
-                poll.unregister(self._before)
-            self._before.close()
-        self._before = end
-        if end:
-            for poll in self._polls:
-                poll.register(end, select.POLLIN)
-
-    def _tell(self, end: socket.socket | None) -> None:
-        if self._after:
-            self._after.close()
-        self._after = end
+    def _receive(self, sock: socket.socket) -> bytes:
+        """The next question; "" if the connection has ended. Called by the thread that receives."""
+        return bytes(self._buffer[: sock.recv_into(self._buffer)])
 
     def _answer(self, sock: socket.socket, question: bytes, asking: threading.Event | None = None) -> bool:
-        """Answer a question, or pass it on; False, without that, if the asking thread has something else to do."""
-        number, kind, hops, now = QUESTION.unpack_from(question)
-        if number < self._newest:
-            return True  # the leader no longer waits for that answer
-        self._newest = number
-        if kind == LOOK:
-            state = self._answers.watch(unpack_answer(question, QUESTION.size, len(question)).state, asking)
+        """Answer a question; False, without an answer, if the asking thread has something else to do."""
+        number, kind, now = QUESTION.unpack_from(question)
+        if kind == STEP:
+            state = self._answers.work(now, asking)
         else:
-            working = self._answers.work(now, asking)
-            if working is None:
-                return False
-            state = working
-        known = state[2:]
-        if hops and state.settled and known == self._known and self._pass_on(question, state.due):
-            return True
-        sock.send(pack_answer(number, state, () if kind == LOOK else unpack_dues(question)))
-        self._known = known
-        return True
-
-    def _pass_on(self, question: bytes, due: int) -> bool:
-        """Pass a question on to the follower after this one; False if that is not possible."""
-        number, kind, hops, now = QUESTION.unpack_from(question)
-        if self._after is None:
+            _, last = unpack_answer(question, QUESTION.size, len(question))
+            state = self._answers.watch(last, asking)
+        if state is None:
             return False
-        try:
-            passed = QUESTION.pack(number, kind, hops - 1, now) + question[QUESTION.size :] + DUE.pack(due)
-            self._after.send(passed, socket.MSG_DONTWAIT)
-        except OSError as exc:
-            log.debug("the follower after is gone: %s", exc)
-            return False
+        sock.send(pack_answer(number, state))
         return True

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import logging
-import socket
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ..contract.component import Port
@@ -18,8 +15,7 @@ from ..runtime.clock import NEVER
 from ..threads import NO_THREAD, start_thread
 from ..wire import names
 from .balance import Balance, State
-from .chain import LONGEST, Chain
-from .line import HEAR, TELL, Asked, Line, connect
+from .line import Asked, Line, connect
 from .links import Reaches, Seated
 from .pace import Pace
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
@@ -76,9 +72,9 @@ class _Far:
         """`close` closes the proxy."""
         self._proxy, self._close = proxy, close
         self.step, self.look = self._step, self._look
-        self.line = self._connected()
-        if self.line:
-            self.step, self.look = self.line.step, self.line.look
+        self._line = self._connected()
+        if self._line:
+            self.step, self.look = self._line.step, self._line.look
 
     def close(self) -> None:
         """Close what connects the leader with it."""
@@ -87,8 +83,8 @@ class _Far:
 
     def hang_up(self) -> None:
         """Close its socket. Its proxy ends with those of the component."""
-        if self.line:
-            self.line.close()
+        if self._line:
+            self._line.close()
 
     def _connected(self) -> Line | None:
         try:
@@ -120,7 +116,6 @@ class _Seat:
         self.counters: Sequence[Counter] = ()
         self.silent = 0
         """Number of questions that it did not answer in time."""
-        self.line = asked.line if isinstance(asked, _Far) else None
 
 
 class Leader:
@@ -141,8 +136,6 @@ class Leader:
         self._now = 0
         self._seats: list[_Seat] = []
         self._balance = Balance({})
-        self._chain: Chain | None = None
-        """The followers that pass questions on; None if it is to be made."""
         self._is_outdated = False
         """Whether a call was made whose handler may have sent something that is not known yet."""
         self._is_level = True
@@ -282,29 +275,13 @@ class Leader:
         last = len(self._order)
         with self._lock:
             self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
-        self._chain = None
         for each in list(self._seats):
             self._ask(each, each.asked.step, self._now)
-        self._link()
         self._count_anew()
         self._settle()
 
-    def _link(self) -> None:
-        """Connect each follower with the next one, so that it passes questions on."""
-        seats = [(each, each.line) for each in self._seats if each.line]
-        for (teller, tells), (hearer, hears) in pairwise(seats):
-            ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            with ends[0], ends[1]:
-                self._ask(hearer, partial(hears.take, HEAR, ends[0]), self._now)
-                self._ask(teller, partial(tells.take, TELL, ends[1]), self._now)
-        if all(each in self._seats and not each.silent for each, _ in seats):
-            self._chain = Chain([line for _, line in seats])
-
     def _tick(self, instant: int) -> None:
         self._now = instant
-        if self._chain is None:
-            self._link()
-            self._is_level = False
         seats = list(self._seats)
         if not self._is_level:
             self._is_level = True
@@ -312,43 +289,12 @@ class Leader:
         for each in seats:
             if each.state.due > instant:
                 self._ask(each, each.asked.step, instant)  # so that its handlers see the time
-        while seats:
-            if seats[0].state.due > instant or seats[0] not in self._seats:
-                del seats[0]
-            else:
-                del seats[: self._compute(seats, instant)]
-
-    def _compute(self, seats: Sequence[_Seat], instant: int) -> int:
-        """Let the first of these do what is due, and those to which it passes the question on; returns how many."""
-        first, before = seats[0], seats[0].state
-        if self._chain and first.line:
-            chained = list(takewhile(lambda each: each.line and each.state.due <= instant, seats[:LONGEST]))
-            if len(chained) > 1:
-                return self._compute_in_turn(self._chain, first.line, chained, instant)
-        self._ask(first, first.asked.step, instant)
-        self._settle_after(first, before)
-        return 1
-
-    def _compute_in_turn(self, chain: Chain, first: Line, seats: Sequence[_Seat], instant: int) -> int:
-        """As `_compute`, for followers of a chain; 0 if that is broken."""
-        try:
-            _, dues, state = chain.step(first, len(seats) - 1, instant)
-        except RobocompError as exc:
-            log.debug("a question was not passed on: %s", exc)
-            self._chain = None
-            return 0
-        for each, due in zip(seats, dues, strict=False):
-            each.state = each.state._replace(due=due)
-        last = seats[len(dues)]
-        before, last.state = last.state, state
-        self._is_outdated |= state.made != before.made
-        self._settle_after(last, before)
-        return len(dues) + 1
-
-    def _settle_after(self, seat: _Seat, before: State) -> None:
-        """Settle, if it has sent or handled something since that state."""
-        if self._is_outdated or not seat.state.settled or seat.state[2:] != before[2:]:
-            self._settle()
+        for each in seats:
+            if each.state.due <= instant and each in self._seats:
+                before = each.state
+                self._ask(each, each.asked.step, instant)
+                if self._is_outdated or not each.state.settled or each.state[2:] != before[2:]:
+                    self._settle()  # otherwise, nothing was sent and nothing was handled
 
     def _settle(self) -> None:
         """Wait until all threads wait, and all that was sent was handled."""
@@ -404,7 +350,6 @@ class Leader:
             seat.state, seat.silent = question(about), 0
             self._is_outdated |= seat.state.made != made
         except Timeout as exc:
-            self._chain = None  # which rests on what the followers have told
             seat.silent += 1
             if seat.silent >= _SILENT:
                 self._drop(seat, f"does not answer ({exc})")
@@ -426,7 +371,6 @@ class Leader:
         with self._lock:
             has_left = seat.name in self._leaving
             self._seats = [each for each in self._seats if each is not seat]
-        self._chain = None
         seat.close()
         self._count_anew()
         if self._closing.is_set() or has_left:
