@@ -56,6 +56,10 @@ class GoalClient:
         self._lock = threading.Lock()
         self._is_closed = False
 
+    def wrap_queries(self, wrap: Callable[[Any], Any]) -> None:
+        """Call the queries of the actions through what `wrap` makes of each."""
+        self._bound = {name: wrap(each) for name, each in self._bound.items()}
+
     def begin(
         self, action: Action, arguments: tuple[Any, ...], detached: bool, deadline: float | None
     ) -> Goal[Any, Any]:

@@ -288,7 +288,10 @@ def _fields(named: Sequence[str], before: Sequence[str], word: str, *, of_action
 
 
 def _inputs(name: str, *, of_action: bool) -> Sequence[Field]:
-    """What a channel or an action takes; nothing if several are meant. Raises ValueError if there is none."""
+    """The fields that a channel or an action takes; none if several channels have this name.
+
+    Raises ValueError if no channel or action has it.
+    """
     from ..tools import actions
     from ..tools.census import take_files
 

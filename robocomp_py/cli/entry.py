@@ -23,7 +23,10 @@ def rcgen() -> int:
 
 
 def _run(name: str) -> int:
-    """Import a command, and run it. What it imports may catch a KeyboardInterrupt, so there is none before it runs."""
+    """Import a command, and run it.
+
+    While it is imported, Ctrl-C ends the process instead of raising KeyboardInterrupt, which imported code might catch.
+    """
     is_interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_interruptible:
         signal.signal(signal.SIGINT, _end)

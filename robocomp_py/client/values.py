@@ -218,7 +218,9 @@ def _enumeration(told: Enumeration) -> Enumeration:
     if any(name.startswith("__") for name, _ in told.members):
         return told
     try:
-        python: Any = IntEnum(_short(told.name), dict(told.members), module=_MODULE, qualname=_dotted(told.name))  # type: ignore[misc]
+        short, members = _short(told.name), dict(told.members)
+        # mypy wants names that it can read in the source; these are known only now.
+        python: Any = IntEnum(short, members, module=_MODULE, qualname=_dotted(told.name))  # type: ignore[misc]
     except (TypeError, ValueError):
         return told
     return replace(told, python=python)

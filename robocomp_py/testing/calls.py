@@ -29,7 +29,7 @@ from ..virtual.simulation import Part, Simulation
 from ..wire import names
 
 NAME = "test"
-"""As what the components of the network see the test."""
+"""The instance name of the test, as components see it."""
 
 PATIENCE = 60.0
 """Virtual seconds that a network may take to start, and a goal without a timeout to end."""
@@ -38,7 +38,7 @@ _STARTING = (State.STARTING, State.INITIALIZE)
 
 
 class Calls:
-    """Links are opened when they are first used. For the thread of the test only."""
+    """What a test calls in a simulated network. Links open when they are first used, on the thread of the test."""
 
     def __init__(
         self, simulation: Simulation, parts: Sequence[Part], threads: Threads, opened: Callable[[str, str], Transport]
@@ -100,12 +100,12 @@ class Calls:
             return Route(transport, offered.middleware, channel, port.qos, DEADLINE)
 
         client = connect(Port(Verb.REQUIRES, offered.port.interface), ActionProxy({}), way, around, connected)
-        client._bound = {name: self._in_the_network(each) for name, each in client._bound.items()}
+        client.wrap_queries(self._in_the_network)
         self._links += connected.links
         return client
 
     def _in_the_network(self, bound: Any) -> Any:
-        """A call that is an event of the network, since the test is none."""
+        """Makes each call an event of the network, because the test itself runs outside of its events."""
 
         def ask(arguments: tuple[Any, ...], deadline: float | None) -> Any:
             return self._simulation.do(partial(bound.ask, arguments, deadline))
@@ -119,7 +119,7 @@ class Calls:
         return True
 
     def _identity(self) -> bytes:
-        """The same in each run."""
+        """The next id of a goal. Ids are the same in each run."""
         return hashlib.blake2b(f"{NAME} {next(self._numbers)}".encode(), digest_size=16).digest()
 
 

@@ -126,7 +126,7 @@ class Access(Closing):
         except Timeout:
             self._keep(key, caller, call)
             raise
-        except BaseException:
+        except BaseException:  # also Ctrl-C: nothing else would close a link that is not kept
             caller.close()
             raise
         self._keep(key, caller, call)
@@ -188,7 +188,7 @@ class Access(Closing):
         outlet, call = kept or self.outlet(channel, way, qos)
         try:
             yield outlet, call
-        except BaseException:
+        except BaseException:  # also Ctrl-C: nothing else would close a link that is not kept
             outlet.close()
             raise
         with self._opening:

@@ -49,7 +49,7 @@ def publish(
     Subscribers have `within` seconds to connect. `qos` is what is offered, by default the same as the publishers of the
     topic offer. Ends early once `over` is set.
 
-    To `keep` the links to subscribers saves their next message the time to connect.
+    With `keep`, links to subscribers stay open, so that the next message need not wait until they are connected.
 
     If it is `latched`, there need not be a subscriber: those that come later get the last message, until `over` is set.
 

@@ -123,8 +123,8 @@ class Simulation:
     def errors(self) -> list[Failure]:
         """The first 100 exceptions of handlers, actions, timers and hooks that were logged as errors.
 
-        One in a handler does not end its component, so that `failed` does not have it. Exceptions that the interface
-        declares are answers, and not among them.
+        An exception in a handler does not end its component, so `failed` does not name the component. Exceptions that
+        the interface declares are answers, and are not listed.
         """
         return list(self._errors)
 

@@ -3,9 +3,9 @@
 A page is made of a title (the code), a line `error · IDSL, CDSL`, what it means, and two sections, `## Wrong` and
 `## Right`. In a section stand files: fenced, each below a line with its name in bold (`example` and the ending of its
 language, if it has none). Behind the name may stand how it is saved: `, executable`, or `, saved as Latin-1`.
-`## Right` leaves out files that stay as they are, unless it begins with "These files alone:". A `console` block tells
-with which commands the files are checked; if there is none, all are, as by `rc lint`. The `text` block is what is said
-then, to the letter, where `...` stands for anything.
+`## Right` leaves out files that stay as they are, unless it begins with "These files alone:". A `console` block shows
+the commands that check the files. Without one, `rc lint` checks all files. The `text` block is what the commands print,
+to the letter, where `...` stands for anything.
 """
 
 from __future__ import annotations

@@ -287,7 +287,10 @@ input()
 def test_heaps_of_killed_processes_are_removed_one_by_one_by_a_node_that_lives(own_runtime_folder: Path) -> None:
     folder, pipe = own_runtime_folder / "apart", subprocess.PIPE
     folder.mkdir()
-    heaps = lambda: set(Path("/dev/shm").glob(f"{node.prefix(folder)}*.heap"))  # noqa: E731
+
+    def heaps() -> set[Path]:
+        return set(Path("/dev/shm").glob(f"{node.prefix(folder)}*.heap"))
+
     with contextlib.closing(node.Node(folder, 1)) as living, contextlib.ExitStack() as ends:
         ours = heaps()
         assert len(ours) == 1

@@ -84,7 +84,7 @@ class Broken(Calculator):
 
     def Everything_divide(self, dividend: int, divisor: int) -> tuple[int, int]:
         if divisor:
-            return "wrong"  # type: ignore[return-value]
+            return "wrong"  # type: ignore[return-value]  # the mistake that is to be listed
         return super().Everything_divide(dividend, divisor)
 
     def Everything_poke(self, number: int) -> None:

@@ -336,10 +336,10 @@ class CameraPublication:
 
 
 class _Canvas:
-    """A picture that is drawn when it is wanted first."""
+    """A picture that is drawn when a topic first asks for it."""
 
     def __init__(self, renderer: Renderer, view: View, camera: str, *, is_kept: bool) -> None:
-        """`is_kept`: it will be wanted again."""
+        """With `is_kept`, the picture is kept for further topics."""
         self._renderer, self._view, self._camera, self._is_kept = renderer, view, camera, is_kept
         self._picture: Picture | None = None
 
