@@ -21,8 +21,11 @@ GRACE = 5.0
 """Seconds that each component of a process has to stop."""
 
 
-_armed = threading.Event()
-"""Set once the forced end of this process is scheduled."""
+_armed: list[float] = []
+"""The seconds until the forced end of this process, once it is scheduled.
+
+No `threading.Event`: a signal handler that sets one waits for ever if its thread was just setting it.
+"""
 
 
 def grace_of(asked: Sequence[float | None]) -> float | None:
@@ -40,9 +43,9 @@ def end_after(seconds: float | None) -> None:
 
     Only the first call has an effect. May be called from any thread, and from a signal handler.
     """
-    if seconds is None or _armed.is_set():
+    if seconds is None or _armed:
         return
-    _armed.set()
+    _armed.append(seconds)
     try:
         faulthandler.dump_traceback_later(seconds, exit=True, file=_complaints())
     except RuntimeError:  # the system cannot start another thread; the component is asked to stop anyway
@@ -59,7 +62,7 @@ def _complaints() -> int:
 def settle() -> None:
     """Cancel the forced end: the components have ended. Unless threads of user code still keep the process alive."""
     others = [each for each in threading.enumerate() if each is not threading.current_thread() and not each.daemon]
-    if _armed.is_set() and not others:
+    if _armed and not others:
         faulthandler.cancel_dump_traceback_later()
         _armed.clear()
 

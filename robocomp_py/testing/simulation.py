@@ -21,14 +21,14 @@ from ..deploy.simulating import parts
 from ..dsl.workspace import Workspace
 from ..errors import DeploymentError
 from ..transports.base import Transport, TransportConfig
-from ..virtual.simulation import Part, Simulated
+from ..virtual.simulation import Failure, Part, Simulated
 from ..virtual.simulation import Simulation as _Simulation
 from ..virtual.turns import TurnThreads
 
 if TYPE_CHECKING:
     from .calls import Calls
 
-__all__ = ["Simulated", "Simulation", "network_parts"]
+__all__ = ["Failure", "Simulated", "Simulation", "network_parts"]
 
 
 class Simulation(_Simulation):

@@ -258,8 +258,11 @@ class _Subscriptions:
         self._following = contextlib.ExitStack()
         self._access: Access | None = None
         self._links: dict[str, Subscription] = {}
-        self._wanted = threading.Event()
-        """Set when this process is to stop, or the subscriptions are to end."""
+        self._wanted: queue.SimpleQueue[None] = queue.SimpleQueue()
+        """Gets an item when this process is to stop, or the subscriptions are to end.
+
+        No `threading.Event`: a signal handler that sets one waits for ever if its thread was just setting it.
+        """
         self._is_over = False
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._pause, name="pause", daemon=True)
@@ -270,7 +273,7 @@ class _Subscriptions:
 
     def stop(self, number: int, frame: FrameType | None) -> None:
         """The handler of a signal."""
-        self._wanted.set()
+        self._wanted.put(None)
 
     def check(self) -> None:
         if error := self._error or self._far.error:
@@ -286,14 +289,18 @@ class _Subscriptions:
 
     def close(self) -> None:
         self._is_over = True
-        self._wanted.set()
+        self._wanted.put(None)
         if self._thread.ident:
             self._thread.join()
         self._silence()
 
     def _pause(self) -> None:
-        while self._wanted.wait() and not self._is_over:
-            self._wanted.clear()
+        while True:
+            self._wanted.get()
+            while not self._wanted.empty():  # several signals stop it once
+                self._wanted.get()
+            if self._is_over:
+                return
             self._silence()
             os.kill(os.getpid(), signal.SIGSTOP)
             self._resumed()

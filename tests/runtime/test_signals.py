@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -117,3 +119,24 @@ def test_afterwards_all_is_as_before() -> None:
     assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
     assert signal.set_wakeup_fd(-1) == -1
     assert "signals" not in [thread.name for thread in threading.enumerate()]
+
+
+REENTERED = """
+import signal, sys
+from robocomp_py.runtime.ending import end_after, settle
+signal.signal(signal.SIGTERM, lambda *_: end_after(60.0))
+
+def interrupt(frame, event, argument):
+    if event == "c_return":  # such as that of taking a lock
+        signal.raise_signal(signal.SIGTERM)
+
+sys.setprofile(interrupt)
+end_after(60.0)
+sys.setprofile(None)
+settle()
+"""
+
+
+def test_a_signal_while_another_one_schedules_the_end_is_no_deadlock() -> None:
+    done = subprocess.run([sys.executable, "-c", REENTERED], timeout=SOON, check=False)
+    assert done.returncode == 0

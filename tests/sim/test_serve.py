@@ -122,6 +122,17 @@ def test_a_number_that_is_not_finite_is_refused_by_its_interface(
     assert type(refused.value).__name__ == "HardwareFailedException"
 
 
+def test_a_first_speed_that_may_be_in_metres_is_told_once(
+    house: ComponentTest, caplog: pytest.LogCaptureFixture
+) -> None:
+    for speed in (1e-15, 0.5, 0.25, 200.0):
+        call(house, "base", "DifferentialRobot", "setSpeedBase", speed, 0.0)
+    call(house, "chair", "OmniRobot", "setSpeedBase", 0.0, 300.0, 0.0)
+    call(house, "chair", "OmniRobot", "setSpeedBase", 0.5, 0.0, 0.0)  # as at the end of a drive
+    told = "`base` was told to drive at 0.5 mm/s, which hardly moves it: this interface takes mm/s, not m/s"
+    assert [each.getMessage() for each in caplog.records if each.levelname == "WARNING"] == [told]
+
+
 def test_a_state_that_is_refused_changes_nothing(house: ComponentTest) -> None:
     state = call(house, "base", "DifferentialRobot", "getBaseState")
     wrong = dataclasses.replace(state, x=1.0, correctedX=math.nan)  # type: ignore[type-var]

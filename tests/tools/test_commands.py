@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import os
+import queue
 import re
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -28,7 +30,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.publishing import publish
-from robocomp_py.tools.tap import Message, Presence, tapped
+from robocomp_py.tools.tap import Message, Presence, tap, tapped
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.directory import Directory, state_of
 from robocomp_py.transports.members import Entry
@@ -502,6 +504,23 @@ def test_a_contract_that_is_not_understood_is_told(
         assert "riddler" in said(capsys, "list")
     finally:
         member.close()
+
+
+def test_a_tool_that_ends_does_not_wait_for_its_own_handler_of_ctrl_z() -> None:
+    """The signal comes while the main thread tells the others that it ends, and may hold a lock for that."""
+    calls: list[str] = []
+
+    def interrupt(frame: FrameType, event: str, argument: object) -> None:
+        if frame.f_code.co_filename == threading.__file__ or isinstance(
+            getattr(argument, "__self__", None), queue.SimpleQueue
+        ):
+            calls.append(event)
+            signal.raise_signal(signal.SIGTSTP)
+
+    with tap([]):
+        sys.setprofile(interrupt)
+    sys.setprofile(None)
+    assert calls
 
 
 class Loud(Talker):

@@ -10,7 +10,7 @@ import pytest
 
 from robocomp_py.cli import rcgen
 from robocomp_py.errors import Cancelled, ComponentError, DeclaredError, RemoteFailure, Timeout
-from robocomp_py.testing.simulation import Simulation
+from robocomp_py.testing.simulation import Failure, Simulation
 
 IDSL = """
 module RoboCompCrane
@@ -140,6 +140,7 @@ def test_undeclared_exceptions_of_a_goal_are_errors_and_declared_ones_are_not(si
         with pytest.raises(RemoteFailure, match="slipped"):
             sim.call(LIFT, (1.0, 9.0), 5).result(1.0)
         [failure] = sim.errors
+        assert isinstance(failure, Failure)
         assert (failure.instance, failure.method) == ("crane", "SpecificWorker.Crane_lift")
         assert str(failure.exception) == "slipped"
 

@@ -83,7 +83,7 @@ def test_two_processes_say_the_same_whatever_their_order_of_sets(folder: Path) -
     runs = [simulate(folder / "net.ddsl", "--for", 2, "--json", PYTHONHASHSEED=seed) for seed in ("1", "2")]
     first, second = (json.loads(each.stdout) for each in runs)
     assert first["hash"] == second["hash"]
-    assert first.keys() == {"seconds", "took", "messages", "hash", "failed"}
+    assert first.keys() == {"seconds", "took", "messages", "hash", "failed", "errors"}
 
 
 def test_a_trace_has_a_line_for_each_message(folder: Path) -> None:
@@ -102,6 +102,25 @@ def test_a_trace_has_a_line_for_each_message(folder: Path) -> None:
 def test_check_says_that_two_runs_are_the_same(folder: Path) -> None:
     done = simulate(folder / "net.ddsl", "--for", 1, "--check")
     assert (done.stdout, done.returncode) == ("both runs said the same: 102 messages\n", 0)
+
+
+def test_an_exception_in_a_handler_is_a_failure_at_the_end_of_the_run(folder: Path) -> None:
+    worker = folder / "hello" / "specificworker.py"
+    head = "    def Hello_greet(self, name: str) -> str:\n"
+    failing = "        if name == '20000000':\n            raise ValueError('too late')\n"
+    worker.write_text(worker.read_text().replace(head, head + failing))
+    lines = "with contextlib.suppress(RemoteFailure):", "    self.hello_proxy.greet(str(self.now()))"
+    compute(folder, *lines, imports="import contextlib\nfrom robocomp_py.errors import RemoteFailure\n")
+    done = simulate(folder / "net.ddsl", "--for", 1)
+    assert done.returncode == 1
+    assert done.stdout.startswith("net: 1 s in ")
+    assert done.stdout.endswith("\nexceptions in the code of hello; see the log above\n")
+    done = simulate(folder / "net.ddsl", "--for", 1, "--json")
+    result = json.loads(done.stdout)
+    assert done.returncode == 1
+    assert (result["seconds"], result["failed"]) == (1.0, [])
+    what = {"instance": "hello", "method": "SpecificWorker.Hello_greet", "exception": "ValueError: too late"}
+    assert result["errors"] == [{"time": 0.02, **what}]
 
 
 def test_check_names_the_sender_that_reads_the_time_of_day(folder: Path) -> None:

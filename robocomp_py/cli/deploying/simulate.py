@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from contextlib import ExitStack
 from itertools import zip_longest
 from pathlib import Path
@@ -26,7 +27,7 @@ from .up import seconds
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
-    from ...virtual.simulation import Simulation
+    from ...virtual.simulation import Failure, Simulation
 
 NAME = "simulate"
 HELP = "run a network in virtual time, in one process"
@@ -42,7 +43,7 @@ examples:
 
 Equal runs have equal hashes. Ctrl-C ends a run as --for does.
 Exit status: 0 fine, 1 wrong input, a component failed, or runs differ, 2 usage,
-130/143 stopped by a signal
+130/143 stopped by a signal. A component has also failed if a handler or an action raised an exception.
 """
 
 _SLICE = 0.25
@@ -108,7 +109,7 @@ def _simulate(plan: Plan, options: argparse.Namespace) -> int:
         except ComponentError as exc:
             return complain(f"rcdeploy: {exc}")
     _tell(plan.name, sim, took, as_json=options.json)
-    return code or (WRONG if sim.failed else FINE)
+    return code or (WRONG if sim.failed or sim.errors else FINE)
 
 
 def _opened(stack: ExitStack, path: Path | None) -> TextIO | None:
@@ -158,16 +159,23 @@ def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
     factor = sim.time / took if took else math.inf
     if as_json:
         result = {"seconds": sim.time, "took": took, "messages": sim.record.messages, "hash": sim.hash}
-        print(json.dumps(result | {"failed": sim.failed}))
+        print(json.dumps(result | {"failed": sim.failed, "errors": list(map(_shown, sim.errors))}))
         return
     shown = f"{factor:,.0f}" if factor >= 10 else f"{factor:.2g}"
     fast = f", {shown} times as fast as real time" if sim.time else ""
     print(f"{name}: {sim.time:.10g} s in {took:.2g} s{fast}")
     print(f"{sim.record.messages} messages, hash {sim.hash}")
-    if sim.failed:
-        from ...spelling import enumerated
+    from ...spelling import enumerated
 
+    if sim.failed:
         print(f"ended by a failure of {enumerated(sim.failed)}; see its log above")
+    if raised := [each for each in dict.fromkeys(failure.instance for failure in sim.errors) if each not in sim.failed]:
+        print(f"exceptions in the code of {enumerated(raised)}; see the log above")
+
+
+def _shown(failure: Failure) -> dict[str, object]:
+    what = traceback.format_exception_only(failure.exception)[-1].strip()
+    return {"time": failure.time, "instance": failure.instance, "method": failure.method, "exception": what}
 
 
 # Logs.
@@ -213,9 +221,10 @@ def _check(options: argparse.Namespace) -> int:
             for trace, seed, log in zip((first, second), ("1", "2"), (None, subprocess.DEVNULL), strict=True)
         ]
         codes = [each.wait() for each in runs]
-        if any(codes):
-            return max(codes)
-        return _compare(first, second)
+        code = max(codes, key=abs)
+        if code not in (FINE, WRONG) or not (first.exists() and second.exists()):
+            return code
+        return _compare(first, second) or code  # what fails in each run the same way may be compared, too
 
 
 def _command(options: argparse.Namespace, trace: Path) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ...contract.interface import Interface
@@ -11,6 +12,14 @@ from .values import filled, operation
 
 if TYPE_CHECKING:
     from ..world import World
+
+log = logging.getLogger("robocomp.sim")
+
+SLOW = 2.0
+"""mm/s. If its first speed is slower than this, a base was probably told metres."""
+
+_NOTHING = 0.01
+"""mm/s: slower than any speed in metres, such as what rounding leaves of 0."""
 
 
 def state(world: World, base: str) -> dict[str, Any]:
@@ -37,6 +46,7 @@ class BaseHandler(InstanceHandler):
         self._world, self._base = world, base
         self._state = operation(interface, "getBaseState").outputs[0].type
         self._failed = operation(interface, "stopBase").raises
+        self._has_driven = False
 
     def getBaseState(self) -> Any:
         """Where the base is by its wheels, and by its last correction; mm and rad."""
@@ -77,6 +87,11 @@ class BaseHandler(InstanceHandler):
             self._world.drive(self._base, ahead, aside, turn)
         except ValueError as exc:
             self._refuse(exc)
+        if not self._has_driven and (fastest := max(abs(ahead), abs(aside))) > _NOTHING:
+            self._has_driven = True
+            if fastest < SLOW:
+                text = "`%s` was told to drive at %.3g mm/s, which hardly moves it: this interface takes mm/s, not m/s"
+                log.warning(text, self._base, fastest)
 
     def _refuse(self, error: ValueError) -> NoReturn:
         for each in self._failed:
