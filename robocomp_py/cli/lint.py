@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import outdated
 from .common import FINE, WRONG, add_include, complain, files_of, show
 from .completing import What, completed
 
@@ -113,6 +114,7 @@ def _check_component(path: Path, workspace: Workspace) -> None:
 
     workspace.check(path)
     check_component(path, workspace)
+    outdated.warn_of(path, workspace)
 
 
 def _check_other(path: Path, workspace: Workspace, against: Path | None) -> None:
@@ -133,6 +135,8 @@ def _check_network(path: Path, workspace: Workspace) -> None:
 
     make_plan(path, workspace, is_here=is_own)
     check_network(path, workspace)
+    for each in workspace.components_of(path):
+        outdated.warn_of(each, workspace)
     report = workspace.report
     report.diagnostics = [each for each in report.diagnostics if each.code != "not-generated"]
 

@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import ComponentError
-from ..runtime.notify import BETWEEN
+from ..runtime.notify import BETWEEN, is_launched
+from . import outdated
 from .common import FINE, complain, raise_if_signalled, signalled
 
 NAME = "run"
@@ -71,6 +72,8 @@ def run(
     parts = [(options, rest), *(usage.parse_known_args(other) for other in others)]
     if None in [part.folder for part, _ in parts]:
         usage.error(f"give it the folder of a component{' behind each `+`' if others else ''}, as in: rc run .")
+    for part, _ in parts:
+        _warn_if_outdated(part.folder)
     try:
         workers = [load_worker(part.folder, afresh=bool(others), alone=not others) for part, _ in parts]
     except ComponentError as exc:
@@ -94,12 +97,19 @@ def run_plain(arguments: Sequence[str]) -> int | None:
     options = None if folder.startswith("-") or not folder.strip() else read_plain(rest)
     if options is None:
         return None
+    _warn_if_outdated(Path(folder))
     try:
         worker = load_worker(Path(folder), alone=True)
     except ComponentError as exc:
         return complain(exc)
     raise_if_signalled()
     return run_component(worker, options=options, missed=signalled)
+
+
+def _warn_if_outdated(folder: Path) -> None:
+    """Warn of old generated code, unless a launcher starts the component: rcdeploy checks it before."""
+    if not is_launched():
+        outdated.warn(folder)
 
 
 def _again(option: str, value: str) -> str:

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from .notify import READY_FILE
+from .notify import is_launched
 
 STUCK = 2.0
 """Seconds from the request to stop until a message says what the component is still doing."""
@@ -33,7 +33,7 @@ def grace_of(asked: Sequence[float | None]) -> float | None:
 
     rcdeploy, systemd and containers end a process that does not stop, each after a time of its own.
     """
-    if not any(each is not None for each in asked) and ("NOTIFY_SOCKET" in os.environ or READY_FILE in os.environ):
+    if not any(each is not None for each in asked) and is_launched():
         return None
     return sum(GRACE if each is None else each for each in asked)
 

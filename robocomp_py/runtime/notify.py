@@ -53,6 +53,11 @@ READY_FILE = "ROBOCOMP_READY_FILE"
 """Variable with the name of a file that exists while the process is ready: containers check it, without a socket."""
 
 
+def is_launched() -> bool:
+    """Whether rcdeploy, systemd or a container has started this process, and not a user."""
+    return "NOTIFY_SOCKET" in os.environ or READY_FILE in os.environ
+
+
 _SEND_TIMEOUT, _RETRY_TIMEOUT = 1.0, 60.0
 """Seconds to wait for the launcher to receive a message: in the calling thread, and then in the background."""
 

@@ -159,6 +159,67 @@ def test_a_component_is_run_until_it_ends(arm: Path) -> None:
     assert said_by(arm) == "0.1 arm"
 
 
+def edited(component: Path, later: float) -> None:
+    """Let an imported interface change, which is in another folder, so many seconds after the code was generated."""
+    made = (component / "generic" / "genericworker.py").stat().st_mtime
+    interface = component.parent / "idsl" / "Arm.idsl"
+    interface.write_text("module RoboCompArm { interface Arm { void move(float to, float speed); }; };")
+    os.utime(interface, (made + later, made + later))
+
+
+@pytest.fixture
+def using(arm: Path, capsys: Said) -> Path:
+    """The same component, which uses an interface."""
+    (arm.parent / "idsl").mkdir()
+    (arm.parent / "idsl" / "Arm.idsl").write_text(RIGHT["Arm.idsl"])
+    text = 'import "../idsl/Arm.idsl"; Component arm { Communications { publishes Arm; }; language python; };'
+    (arm / "arm.cdsl").write_text(text)
+    assert rcgen([str(arm / "arm.cdsl")]) == 0
+    capsys.readouterr()
+    return arm
+
+
+OUTDATED = """\
+arm/arm.cdsl:1:38: warning[out-of-date]: `arm` is not generated from its models as they are now
+  out of date: arm/generic/RoboCompArm.py
+    import "../idsl/Arm.idsl"; Component arm { Communications { publishes Arm; }; language python; };
+                                         ^^^
+    run: rcgen arm/arm.cdsl
+"""
+
+
+@pytest.mark.parametrize("arguments", [["arm"], ["arm/arm.cdsl"], ["arm", "--name=left"]], ids=" ".join)
+def test_old_generated_code_is_told_when_a_component_is_run(using: Path, capsys: Said, arguments: list[str]) -> None:
+    edited(using, later=5.0)
+    assert rc(["run", *arguments]) == 0
+    assert OUTDATED in capsys.readouterr().err
+    assert rcgen(["arm/arm.cdsl"]) == 0
+    capsys.readouterr()
+    assert rc(["run", *arguments]) == 0
+    assert "out-of-date" not in capsys.readouterr().err
+
+
+def test_a_launcher_has_compared_generated_code_before(
+    using: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edited(using, later=5.0)
+    monkeypatch.setenv("ROBOCOMP_READY_FILE", str(using.parent / "ready"))
+    assert rc(["run", "arm"]) == 0
+    assert "out-of-date" not in capsys.readouterr().err
+
+
+def test_old_generated_code_is_a_warning_of_lint(using: Path, capsys: Said) -> None:
+    assert rc(["lint", "."]) == 0
+    assert capsys.readouterr().err == ""
+    edited(using, later=-5.0)  # times do not matter here
+    (using.parent / "net.ddsl").write_text(
+        'import "arm/arm.cdsl"; Deployment net { Component arm { middleware zeromq; }; };'
+    )
+    for checked in (".", "net.ddsl"):
+        assert rc(["lint", checked]) == 0
+        assert capsys.readouterr().err == OUTDATED + "1 warning in 1 file\n"
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,13 +10,14 @@ from typing import TYPE_CHECKING
 
 from ... import installed
 from ...dsl.diagnostics import Diagnostic
+from .. import outdated
 from ..common import USAGE, WRONG, show
 from ..network import overrides_of, tell_notes
 from ..progress import Progress
 
 if TYPE_CHECKING:
     from ...deploy.plan import Plan
-    from ...dsl.workspace import LinkedComponent, Workspace
+    from ...dsl.workspace import Workspace
 
 
 def planned(options: argparse.Namespace, *, as_json: bool = False) -> Plan | int:
@@ -87,33 +87,9 @@ def _check_generated(options: argparse.Namespace, workspace: Workspace, progress
         if instance.program or kind in seen or kind not in components:
             continue  # a program is not generated
         seen.add(kind)
-        lines = _outdated(components[kind])
-        if lines:
-            message = "\n  ".join((f"`{instance.component}` is not generated from its models as they are now", *lines))
-            hint = f"run: rcgen {shlex.quote(str(path))}"
-            workspace.report.error("out-of-date", message, instance.component.span, hint)
+        if lines := outdated.outdated(components[kind]):
+            text = outdated.message(str(instance.component), lines)
+            workspace.report.error("out-of-date", text, instance.component.span, outdated.remedy(path))
         else:
             check_worker(components[kind], workspace)
     return not workspace.report.errors
-
-
-def _outdated(linked: LinkedComponent) -> list[str]:
-    from ... import __version__
-    from ...codegen.generate import GenerationError, Model, generate_generic
-    from ...codegen.write import compare
-    from ...contract.middleware import AUTO, generated_for
-
-    folder = linked.path.parent
-    try:
-        first = (
-            (folder / "generic" / "genericworker.py").read_text(encoding="utf-8", errors="replace").partition("\n")[0]
-        )
-        if f" by rcgen {__version__}:" not in first:
-            return []  # another version generates other text from the same models, so a comparison means nothing
-        middleware = generated_for(folder) or AUTO
-        artifacts = generate_generic(
-            Model(linked.component, linked.modules, linked.path.name, linked.params, middleware)
-        )
-        return compare(artifacts, folder).lines(folder)
-    except (OSError, GenerationError) as exc:
-        return [str(exc)]
