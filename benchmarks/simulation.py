@@ -182,7 +182,9 @@ def _edits(effort: Effort) -> list[Row]:
 
 def _edited(what: str, ours: list[float], bare: list[float], goal: float) -> Row:
     mine, its = statistics.median(ours) * 1e6, statistics.median(bare) * 1e6
-    return Row(f"{what} a node, {MANY} shapes", mine, f"≤ {us(goal)}", mine <= goal, its)
+    found = mine / its
+    is_met = mine <= goal and found <= RATIO
+    return Row(f"{what} a node, {MANY} shapes", mine, f"≤ {us(goal)}, ≤ {RATIO:g} ×", is_met, its, found)
 
 
 def _start() -> Row:

@@ -11,7 +11,7 @@ pairs of bodies that do not touch.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from ..innermodel.read import ROOT_ID, InnerModelError, number_of, numbers_of, t
 from ..innermodel.tree import Node, Tree
 from . import grippers, servos
 from .contacts import Grounds, grounds, part
+from .draft import Draft
 from .grippers import Gripper
 from .looks import Looks
 from .parameters import BASES, JOINTS, Parameters, checked
@@ -145,7 +146,7 @@ class Building:
     """A scene that is being made."""
 
     tree: Tree
-    spec: mujoco.MjSpec
+    draft: Draft
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     frames: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """The name of the body in MuJoCo, and the pose within it in mm and our axes."""
@@ -163,6 +164,12 @@ class Building:
     looks: Looks | None = None
     """Of a model that is drawn."""
     grounds: Grounds = field(default_factory=Grounds)
+    mark: object = field(default_factory=object)
+    """By which the draft knows it."""
+
+    @property
+    def spec(self) -> mujoco.MjSpec:
+        return self.draft.spec
 
 
 def build(
@@ -187,7 +194,7 @@ def build(
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.compiler.autolimits = False
     spec.compiler.degree = False
-    building = Building(tree, spec, checked(tree, parameters or {}), without_meshes=without_meshes)
+    building = Building(tree, Draft(spec), checked(tree, parameters or {}), without_meshes=without_meshes)
     if shown is not None:
         building.looks = Looks(tree, spec, shown)
     world = spec.worldbody
@@ -407,23 +414,43 @@ def _grippers(building: Building, model: mujoco.MjModel) -> dict[str, Gripper]:
     return {name: _gripper(building, model, name, reach) for name, reach in reaches.items()}
 
 
-def _shapes_of(
-    tree: Tree, model: mujoco.MjModel, before: Scene | None = None, changed: Set[str] = frozenset()
-) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
-    """The nodes of the geoms, and which of them stop bases. Of a scene before it, the unchanged nodes are known."""
+def _shapes_of(tree: Tree, model: mujoco.MjModel) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
+    """The nodes of the geoms, and which of them stop bases."""
     begin = int(model.name_geomadr[0]) if model.ngeom else 0
     names = ("\0" + model.names[begin:].decode()).replace("\0" + _PREFIX, "\0")
     shapes = tuple(names.split("\0", model.ngeom + 1)[1 : model.ngeom + 1])
-    known = dict(zip(before.shapes, before.stops.tolist(), strict=True)) if before else {}
-    for name in [each for each in changed if each in tree] if before else shapes:
-        known[name] = bool(tree.node(name).values.get("collide"))
-    return shapes, np.array([known[name] for name in shapes], dtype=bool)
+    return shapes, np.array([_stops(tree, name) for name in shapes], dtype=bool)
 
 
-def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> Scene | None:
+def _shapes_after(
+    before: Scene, building: Building, changed: Set[str], added: Sequence[str]
+) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
+    """The same of a scene in which only what stands still has changed: what is new follows what the world has."""
+    tree, known = building.tree, before.made_by.fixed
+    shapes, stops, end = list(before.shapes), before.stops.tolist(), int(before.model.body_geomnum[0])
+    for name in changed:
+        if _PREFIX + name not in known:
+            continue
+        number = shapes.index(name)
+        if name in tree:
+            stops[number] = _stops(tree, name)
+        else:
+            del shapes[number], stops[number]
+            end -= 1
+    shapes[end:end] = added
+    stops[end:end] = [_stops(tree, name) for name in added]
+    return tuple(shapes), np.array(stops, dtype=bool)
+
+
+def _stops(tree: Tree, name: str) -> bool:
+    return bool(tree.node(name).values.get("collide"))
+
+
+def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None, *, is_final: bool = False) -> Scene | None:
     """The scene of another tree, if only what stands still has changed; else None: `build` makes it.
 
-    It takes a tenth of the time, since the parts that are the same are not made again. Raises InnerModelError.
+    It takes a tenth of the time, since the parts that are the same are not made again. `is_final` tells that `scene` is
+    needed no longer if nodes are removed and nothing else is changed. Raises InnerModelError.
     """
     before = scene.made_by
     changed = before.tree.differences(tree)
@@ -432,28 +459,35 @@ def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None) -> S
     moved = _standing(before, tree, changed)
     if moved is None:
         return None
-    spec = before.spec.copy()
-    building = replace(before, tree=tree, spec=spec, frames=dict(before.frames), boxes={}, fixed=dict(before.fixed))
+    removed = [name for name in changed if name not in tree]
+    is_final &= len(removed) == len(changed)
+    keeps = not is_final and any(_PREFIX + name in before.fixed for name in removed)
+    draft = before.draft.taken(before.mark, keeps=keeps)
+    if draft is None:
+        return None
+    building = replace(before, tree=tree, draft=draft, boxes={}, mark=object())
+    building.frames, building.fixed = dict(before.frames), dict(before.fixed)
+    draft.begin(building.mark)
     frames = dict(scene.frames)
-    for name in changed:
-        if name not in tree:
-            if building.fixed.pop(_PREFIX + name, None):
-                spec.delete(spec.geom(_PREFIX + name))
-            del frames[name], building.frames[name]
+    for name in removed:
+        if building.fixed.pop(_PREFIX + name, None):
+            draft.remove(_PREFIX + name)
+        del frames[name], building.frames[name]
+    added = []
     for name in moved:
         node, pose = tree.node(name), tree.matrix(ROOT_ID, name)
         position, turn = _in_simulation(pose)
         building.frames[name], frames[name] = ("world", pose), Frame(0, turn, position)
-        shape = spec.geom(_PREFIX + name)
+        shape, is_box = draft.spec.geom(_PREFIX + name), node.tag in ("plane", "display")
         if shape is not None:
-            is_box = node.tag in ("plane", "display")
-            for key, value in (_box(node, pose) if is_box else {"pos": position, "quat": _quaternion(turn)}).items():
-                setattr(shape, key, value)
-        elif node.tag in ("plane", "display"):
-            _add_box(building, node, spec.worldbody, pose)
-    model = _model(spec)
-    shapes, stops = _shapes_of(tree, model, scene, changed)
-    fresh = [number for number, name in enumerate(shapes) if name in moved]
+            draft.set(shape, _box(node, pose) if is_box else {"pos": position, "quat": _quaternion(turn)})
+        elif is_box:
+            draft.will_add(_PREFIX + name)
+            _add_box(building, node, draft.spec.worldbody, pose)
+            added.append(name)
+    model = _model(draft.spec)
+    shapes, stops = _shapes_after(scene, building, changed, added)
+    fresh = [shapes.index(name) for name in moved if _PREFIX + name in building.fixed]
     if before.grounds.may_have(model, fresh):
         driving = {_PREFIX + name for name in building.bases}
         if grounds(model, scene.start, building.trees, driving).pairs != before.grounds.pairs:
@@ -477,7 +511,7 @@ def _standing(before: Building, tree: Tree, changed: set[str]) -> dict[str, None
         if has_friction and name in tree and tree.parent(name) != old.parent:
             return None
     moved: dict[str, None] = {}
-    waiting = [name for name in changed if name in tree]
+    waiting = sorted(name for name in changed if name in tree)  # a set has another order in every process
     while waiting:
         name = waiting.pop()
         node = tree.node(name)

@@ -111,10 +111,13 @@ class State:
         """Of the same numbers as the vector of positions, and quicker where few of them are needed."""
         self._warnings: memoryview[Any] = memoryview(data.warning.number)
 
-    def _equip(self, parameters: Parameters, before: Scene | None = None) -> None:
-        """Make the model of the tree, from the scene before it if that is enough, and the devices in it."""
+    def _equip(self, parameters: Parameters, before: Scene | None = None, *, is_final: bool = False) -> None:
+        """Make the model of the tree, from the scene before it if that is enough, and the devices in it.
+
+        About `is_final` see `rebuilt`.
+        """
         tree = self._tree
-        made = rebuilt(before, tree, parameters) if before else None
+        made = rebuilt(before, tree, parameters, is_final=is_final) if before else None
         self._scene: Scene = made or build(tree, self._tick, without_meshes=self._without_meshes, parameters=parameters)
         if not before or self._has_other_devices(before.tree):
             self._find_devices(parameters, before)
@@ -192,6 +195,7 @@ class State:
         """A world with the same state, which goes on by itself."""
         made = object.__new__(type(self))
         made.__dict__.update(self.__dict__)
+        self._scene.made_by.draft.is_shared = True
         if self._scene.grippers:
             made._scene = replace(self._scene, model=copy.copy(self._scene.model))
         made._use(mujoco.MjData(made._scene.model))

@@ -56,13 +56,12 @@ class World(Motion, Touching):
         then nothing has changed.
         """
         check_tree(tree)
-        overlaps = self._overlaps()
         before = object.__new__(World)  # with the same data: the edited world gets others
         before.__dict__.update(self.__dict__)
         parameters = {name: values for name, values in self._parameters.items() if name in tree}
         try:
             self._tree = tree
-            self._equip(parameters, before._scene)
+            self._equip(parameters, before._scene, is_final=not placed)
             self._use(mujoco.MjData(self._scene.model))
             self._data.qpos[:] = self._scene.start
             carry(before._scene, before._data, self._scene, self._data)
@@ -71,13 +70,23 @@ class World(Motion, Touching):
             for name, pose in (placed or {}).items():
                 self._set_pose(name, pose)
             self._keep(before)
-            for (one, other), depth in self._overlaps().items():
-                if depth < overlaps.get((one, other), 0.0) - TOUCH:
-                    raise Overlap(f"`{one}` would be {-depth * 1000:.1f} mm deep in `{other}`")
+            if placed or self._has_other_stops():
+                self._check_overlaps(before)
         except BaseException:
             self.__dict__ = before.__dict__
             raise
         self._original, self._edits = before._original or before._tree, None
+
+    def _has_other_stops(self) -> bool:
+        """Whether there may be other shapes that stop bases, or other bases, than before the last change."""
+        tree, changed = self._tree, self._scene.changed
+        return changed is None or any(tree.node(name).values.get("collide") for name in changed if name in tree)
+
+    def _check_overlaps(self, before: World) -> None:
+        overlaps = before._overlaps()
+        for (one, other), depth in self._overlaps().items():
+            if depth < overlaps.get((one, other), 0.0) - TOUCH:
+                raise Overlap(f"`{one}` would be {-depth * 1000:.1f} mm deep in `{other}`")
 
     def _keep(self, before: World) -> None:
         """Take over what was told before, as far as it is about nodes that are still there."""

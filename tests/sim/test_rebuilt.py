@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.build import Scene, build, rebuilt
-from robocomp_py.sim.world import World
+from robocomp_py.sim.world import Overlap, World
 
 HALL = """\
 <innerModel>
@@ -123,6 +124,16 @@ def test_what_moves_needs_a_new_scene(name: str, hall: Tree) -> None:
     assert rebuilt(build(hall, 0.005), changed(hall, MOVING[name])) is None
 
 
+def test_what_is_added_at_once_has_the_same_order_in_every_process(hall: Tree) -> None:
+    def add(tree: Tree) -> None:
+        for name in "abcdefgh":
+            tree.add("world", "plane", name, size=(9.0,), py=900.0)
+
+    made = rebuilt(build(hall, 0.005), changed(hall, add))
+    assert made
+    assert [name for name in made.shapes if len(name) == 1] == list("hgfedcba")
+
+
 def test_friction_of_what_is_above_is_that_of_the_new_parent(hall: Tree) -> None:
     parameters = {"shelf": {"friction": 0.3}}
     tree, scene = changed(hall, STILL["to another parent"]), build(hall, 0.005, parameters=parameters)
@@ -155,6 +166,54 @@ def test_after_many_edits_a_world_is_as_if_it_had_begun_like_that(hall: Tree) ->
     world.drive("base", ahead=200.0)
     world.step(50)
     assert world.odometry("base").z == pytest.approx(50, abs=5)
+
+
+def bits(world: World) -> tuple[bytes, str]:
+    """All of the model of a world, and of its state."""
+    model = world.view().scene.model
+    saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, saved)
+    return saved.tobytes(), world.digest()
+
+
+BLOCK = {"size": (300.0,), "py": 150.0, "collide": True}
+REJECTED: dict[str, Callable[[Tree], object]] = {
+    "add": lambda tree: tree.add("world", "plane", "block", **BLOCK),
+    "add and move": lambda tree: (
+        tree.add("shelf", "plane", "a"),
+        tree.update_transform("shelf", (0, -450, 0, 0, 0, 0)),
+    ),
+    "remove and add": lambda tree: (tree.remove("back"), tree.add("world", "plane", "block", **BLOCK)),
+    "remove and move": lambda tree: (tree.remove("back"), tree.update_transform("shelf", (0, -450, 0, 0, 0, 0))),
+    "without a file": lambda tree: (tree.set_value("board", "px", 3.0), tree.set_value("vase", "file", "x.obj")),
+}
+
+
+@pytest.mark.parametrize("name", REJECTED)
+def test_an_edit_that_is_rejected_leaves_no_trace(name: str, hall: Tree) -> None:
+    """The edits after it end in the same bits as without it."""
+    world, other = World(hall, physics=True), World(hall, physics=True)
+    for edit in (STILL["add below"], STILL["paint"], STILL["move"], lambda tree: tree.remove("new"), STILL["remove"]):
+        before = bits(world)
+        with pytest.raises((Overlap, InnerModelError)):
+            world.change(changed(world.tree, REJECTED[name]))
+        assert bits(world) == before
+        for each in (world, other):
+            each.change(changed(each.tree, edit))
+        assert bits(world) == bits(other)
+
+
+def test_a_copy_that_is_edited_as_the_world_is_the_same(hall: Tree) -> None:
+    """It is edited after the world, or before it."""
+    world = World(hall, physics=True)
+    world.change(changed(hall, STILL["add two"]))
+    world.change(changed(world.tree, lambda tree: tree.add("shelf", "plane", "later")))
+    other = world.copy()
+    for edit in (STILL["remove"], STILL["resize"], lambda tree: tree.remove("new"), STILL["move"]):
+        for each in (world, other):
+            each.change(changed(each.tree, edit))
+        assert bits(world) == bits(other)
+        world, other = other, world.copy()
 
 
 def test_devices_that_stand_still_come_move_and_go(hall: Tree) -> None:
