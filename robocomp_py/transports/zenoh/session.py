@@ -58,11 +58,19 @@ components would keep each other from succeeding.
 _LONGEST_ATTEMPT_MS = 8000
 
 _LEASE_MS = 2000
-"""Milliseconds after which a hung process counts as gone.
+"""Milliseconds after which a hung process counts as gone."""
 
-While a router waits for room at one reader, it does not read from the sender. That wait must end well before the lease,
-or the router gives up the sender, too, and loses its messages.
+_WAIT = "transport/link/tx/queue/congestion_control/block/wait_before_close"
+"""Microseconds in which a message that must arrive has to be taken by a peer. Then the connection is closed.
+
+While a router waits for a reader, it does not read from the sender. If that takes as long as the lease, the router
+gives up the sender, too, and its messages are lost for all readers. A router waits for one reader after the other, so
+three that hang at once are no harm. Senders wait longer than any router, for the same reason.
 """
+_WAITS = {_WAIT: 5_000_000}
+_ROUTER_WAITS = {_WAIT: 500_000}
+_ROUTER_OF_A_HOST_WAITS = {_WAIT: 1_500_000}
+"""The link to another host may be slow: 6 MB take more than a second at 30 Mbit/s."""
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -75,7 +83,7 @@ _COMMON: dict[str, Any] = {
     "transport/link/tx/keep_alive": 4,
     "transport/link/tx/queue/size/data": 16,  # batches of 64 KiB; a burst of small messages finds room
     "transport/link/tx/queue/size/interactive_high": 16,  # calls, answers, commands
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # µs; see `_LEASE_MS`
+    **_WAITS,
     "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1_000_000,  # µs; large messages
     "transport/unicast/open_timeout": 2000,
     "transport/unicast/accept_timeout": 2000,
@@ -113,7 +121,7 @@ _DEDICATED_SETTINGS: dict[str, Any] = {
 def open_router(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
     """A router that listens only at that endpoint; `more` are further settings. The caller closes it."""
     with as_transport_error(f"listening at {endpoint}"), _reading_like_a_router():
-        return zenoh.open(_config("router", {"listen/endpoints": [endpoint], **(more or {})}))
+        return zenoh.open(_config("router", {**_ROUTER_WAITS, "listen/endpoints": [endpoint], **(more or {})}))
 
 
 def open_client(endpoint: str, more: Mapping[str, Any] | None = None) -> zenoh.Session:
@@ -148,6 +156,7 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
         socket.unlink(missing_ok=True)  # left by one that was killed
         listen = [f"unixsock-stream/{socket}", *settings.get("listen/endpoints", ())]
         keep_trying = {"connect/timeout_ms": -1, "connect/exit_on_failure": False, "connect/retry": _RETRY}
+        keep_trying |= _ROUTER_OF_A_HOST_WAITS
         # The other routers may start later.
         with as_transport_error(f"listening at {', '.join(listen)}"), _reading_like_a_router():
             session = zenoh.open(_config("router", {**keep_trying, **settings, "listen/endpoints": listen}))

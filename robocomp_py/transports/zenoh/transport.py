@@ -22,7 +22,7 @@ class ZenohTransport(ZenohCore):
 
     A router that hangs is noticed, and logged, after 2 s (10 s for a dedicated one). Until then, calls
     keep their deadlines. But sending a message larger than the queue to the router (about 1 MB) may
-    take 1 s longer; if it is best-effort, it is dropped after 1 s.
+    take until the router is given up, and at most 5 s; if it is best-effort, it is dropped after 1 s.
     """
 
     ends = Ends(Publisher, CommandOutlet, Subscriber, CommandInlet, Caller, Server)
