@@ -34,7 +34,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     with reported("rc bw") as code, hosts_of(options) as hosts:
-        return measure(options, awaited_topics(options, hosts), words, figures)
+        return measure(options, hosts, awaited_topics(options, hosts), words, figures)
     return code()
 
 

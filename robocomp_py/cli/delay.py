@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from .hosts import hosts_of
-from .live import EXIT_STATUS, awaited, reported, topics_of
+from .live import EXIT_STATUS, awaited, reported, subscriptions_of, topics_of
 from .measuring import add_measured, measure, messages
 
 if TYPE_CHECKING:
@@ -22,8 +22,9 @@ examples:
   rc delay LaserPub --window 1000        of more messages
   rc delay LaserPub --for 5 --json       for machines
 
-The age is the time from the publisher's `send` until the message is here, by the clocks of both hosts.
-`(one clock)` says that the publisher is known to be on this host. Otherwise, `rc doctor` compares the clocks.
+The age is the time from the publisher's `send` until the message is here, by the clocks of both hosts. The scout of
+another host measures it there. `(one clock)` says that both are known to be on one host. Otherwise, `rc doctor`
+compares the clocks.
 
 {EXIT_STATUS}
 """
@@ -35,30 +36,31 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from ..tools.access import Access
-    from ..tools.asking import publishers_are_here
+    from ..tools.asking import have_one_clock
 
     def pick(network: Network) -> tuple[Network, list[Channel]]:
         return network, topics_of(network, options.topics)
 
     with reported("rc delay") as code, hosts_of(options) as hosts:
-        network, topics = awaited(options, pick, hosts)
+        network, named = awaited(options, pick, hosts)
+        topics = subscriptions_of(named)
         with Access() as access:
-            near = {each.name for each in topics if publishers_are_here(access, network, each)}
+            far = {(each.name, each.host) for each in topics if not have_one_clock(access, network, each)}
 
         def words(channel: Channel, traffic: Traffic) -> str:
             ages = traffic.ages()
             if ages is None:
                 return f"its messages do not tell when they were sent, {messages(traffic)}"
             said = f"{ages.median * 1e3:.2f} ms, 99 % within {ages.p99 * 1e3:.2f}, {messages(traffic)}"
-            return f"{said} (one clock)" if channel.name in near else said
+            return f"{said} (one clock)" if (channel.name, channel.host) not in far else said
 
         def figures(channel: Channel, traffic: Traffic, is_silent: bool) -> Mapping[str, object]:
             ages = traffic.ages()
             return {
                 "median_s": ages and ages.median,
                 "p99_s": ages and ages.p99,
-                "one_clock": channel.name in near,
+                "one_clock": (channel.name, channel.host) not in far,
             }
 
-        return measure(options, topics, words, figures)
+        return measure(options, hosts, topics, words, figures)
     return code()

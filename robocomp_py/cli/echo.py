@@ -15,9 +15,20 @@ from typing import TYPE_CHECKING, Any
 from ..printable import one_line
 from ..tools.shortening import shortened
 from .calls import echo_calls
-from .common import FINE, USAGE
-from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, Absent, add_topics, awaited_topics, count, nothing_heard, reported, say, spelled
+from .common import UNREACHABLE, USAGE
+from .hosts import HERE, add_hosts, code_of, hosts_of
+from .live import (
+    EXIT_STATUS,
+    Absent,
+    add_topics,
+    awaited_topics,
+    count,
+    nothing_heard,
+    reported,
+    say,
+    spelled,
+    tell_lost,
+)
 
 if TYPE_CHECKING:
     from ..tools.network import Channel
@@ -79,7 +90,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import Presence, tapped
+    from ..tools.tap import Lost, Presence, tapped
 
     if options.csv and options.json:
         print("rc echo: --csv and --json exclude each other", file=sys.stderr)
@@ -95,15 +106,20 @@ def run(options: argparse.Namespace) -> int:
         printer = _Table(topics, views, options) if options.csv else _Lines(topics, views, options)
         heard, fitting, printed = 0, Counter[str](), 0
         full = options.full or options.csv or options.json or bool(options.field or options.where)
+        ended = code_of(hosts)
         for each in tapped(topics, first=options.timeout, whole=options.seconds, full=full):
             if isinstance(each, Presence):
                 _tell(each)
+                continue
+            if isinstance(each, Lost):
+                ended = UNREACHABLE
+                tell_lost(options, each)
                 continue
             heard += 1
             if each.dropped:
                 why = "they come faster than they are printed"
                 print(f"rc echo: {each.dropped} messages were dropped here: {why}", file=sys.stderr)
-            if not views[each.channel].fits(each.message):
+            if not views[each.channel, each.host].fits(each.message):
                 continue
             fitting[each.channel] += 1
             if (fitting[each.channel] - 1) % options.every:
@@ -116,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
             raise nothing_heard(options)
         if not printed:
             raise Absent(f"{heard} messages were heard, and none fits --where")
-        return FINE
+        return ended
     return code()
 
 
@@ -142,8 +158,12 @@ class _View:
         return next(iter(found.values())) if self.is_one else found
 
 
-def _views(topics: Sequence[Channel], options: argparse.Namespace) -> Mapping[str, _View]:
-    """By channel. Raises ConfigurationError if an option does not fit a contract."""
+_Views = Mapping[tuple[str, str], _View]
+"""By channel and host."""
+
+
+def _views(topics: Sequence[Channel], options: argparse.Namespace) -> _Views:
+    """Raises ConfigurationError if an option does not fit a contract."""
     from ..errors import ConfigurationError
     from ..tools.parts import condition, parts
 
@@ -156,50 +176,63 @@ def _views(topics: Sequence[Channel], options: argparse.Namespace) -> Mapping[st
             conditions = [condition(inputs, text) for text in options.where]
         except ValueError as exc:
             raise ConfigurationError(f"{topic.name}: {exc}") from exc
-        views[topic.name] = _View(wanted, conditions, len(fields) == 1 and not fields[0].endswith("*"))
+        views[topic.name, topic.host] = _View(wanted, conditions, len(fields) == 1 and not fields[0].endswith("*"))
     columns = {tuple(each.path for each in view.parts) for view in views.values()}
     if options.csv and len(columns) > 1:
-        listed = ", ".join(views)
+        listed = ", ".join(dict.fromkeys(channel for channel, _ in views))
         raise ConfigurationError(f"one table cannot have the fields of {listed}; name one topic, or fields of all")
     return views
+
+
+class _Origin:
+    """Tells a message's host if a topic comes from several, and its channel if there are several."""
+
+    def __init__(self, topics: Sequence[Channel]) -> None:
+        names, pairs = {each.name for each in topics}, {(each.name, each.host) for each in topics}
+        shown = {"host": len(pairs) > len(names), "channel": len(names) > 1}
+        self.heads = [head for head, is_shown in shown.items() if is_shown]
+
+    def of(self, heard: Message) -> list[str]:
+        told = {"host": heard.host or HERE, "channel": heard.channel}
+        return [told[head] for head in self.heads]
 
 
 class _Lines:
     """Prints a line for each message."""
 
-    def __init__(self, topics: Sequence[Channel], views: Mapping[str, _View], options: argparse.Namespace) -> None:
-        self._views, self._options = views, options
-        self._several = len(topics) > 1
+    def __init__(self, topics: Sequence[Channel], views: _Views, options: argparse.Namespace) -> None:
+        self._views, self._options, self._origin = views, options, _Origin(topics)
 
     def print(self, heard: Message) -> None:
-        message = self._views[heard.channel].shown(heard.message)
+        message = self._views[heard.channel, heard.host].shown(heard.message)
         if self._options.json:
             stamps = {"sent": heard.sent, "number": heard.number} if self._options.stamps else {}
-            print(json.dumps({"time": heard.time, "channel": heard.channel, **stamps, "message": message}), flush=True)
+            about = {"time": heard.time, "channel": heard.channel, "host": heard.host, **stamps}
+            print(json.dumps({**about, "message": message}), flush=True)
             return
         stamps_ = [_sent(heard)] if self._options.stamps else []
         text = spelled(message if self._options.full else shortened(message))
-        print(_clock(heard.time), *stamps_, *([heard.channel] if self._several else []), text, flush=True)
+        print(_clock(heard.time), *stamps_, *self._origin.of(heard), text, flush=True)
 
 
 class _Table:
     """Prints comma-separated values, as RFC 4180 has them, but with plain line ends."""
 
-    def __init__(self, topics: Sequence[Channel], views: Mapping[str, _View], options: argparse.Namespace) -> None:
-        self._views, self._stamps, self._several = views, options.stamps, len(topics) > 1
+    def __init__(self, topics: Sequence[Channel], views: _Views, options: argparse.Namespace) -> None:
+        self._views, self._stamps, self._origin = views, options.stamps, _Origin(topics)
         self._writer = csv.writer(sys.stdout, lineterminator="\n")
         self._is_terminal = sys.stdout.isatty()
         first = next(iter(views.values()))
         stamps = ["sent", "number"] if self._stamps else []
-        self._row(["time", *stamps, *(["channel"] if self._several else []), *(each.path for each in first.parts)])
+        self._row(["time", *stamps, *self._origin.heads, *(each.path for each in first.parts)])
 
     def print(self, heard: Message) -> None:
         if isinstance(heard.message, str):
             say("rc echo", f"{heard.channel}: {heard.message}")
             return
         stamps = [_seconds(heard.sent), _cell(heard.number)] if self._stamps else []
-        values = [_cell(each.of(heard.message)) for each in self._views[heard.channel].parts]
-        self._row([_seconds(heard.time), *stamps, *([heard.channel] if self._several else []), *values])
+        values = [_cell(each.of(heard.message)) for each in self._views[heard.channel, heard.host].parts]
+        self._row([_seconds(heard.time), *stamps, *self._origin.of(heard), *values])
 
     def _row(self, cells: Sequence[str]) -> None:
         self._writer.writerow(map(one_line, cells) if self._is_terminal else cells)
@@ -208,7 +241,8 @@ class _Table:
 
 def _tell(presence: Presence) -> None:
     told = "is published again" if presence.is_published else "is no longer published: its publisher has ended"
-    print(f"rc echo: {presence.channel} {told}", file=sys.stderr)
+    of = f" of {presence.host}" if presence.host else ""
+    print(f"rc echo: {presence.channel}{of} {told}", file=sys.stderr)
 
 
 def _clock(seconds: float) -> str:

@@ -35,7 +35,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     with reported("rc hz") as code, hosts_of(options) as hosts:
-        return measure(options, awaited_topics(options, hosts), words, figures)
+        return measure(options, hosts, awaited_topics(options, hosts), words, figures)
     return code()
 
 

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import End
     from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
+    from ..tools.tap import Lost
 
 T = TypeVar("T")
 
@@ -161,15 +162,22 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
 
 
 def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
-    """The published topics that the arguments of `add_topics` name. Says which of their publishers are not heard.
+    """The subscriptions that hear all publishers of the topics which the arguments of `add_topics` name.
 
-    Raises Absent.
+    Raises Absent, and HostUnreachable.
     """
     topics = awaited(options, lambda network: topics_of(network, options.topics), hosts)
-    for each in topics:
-        if each.left_out:
-            say(f"rc {options.command}", f"{each.name}: {each.left_out}; hear one host with --host {each.unheard[0]}")
-    return topics
+    return subscriptions_of(topics)
+
+
+def subscriptions_of(topics: Iterable[Channel]) -> list[Channel]:
+    """Those that hear all publishers of these topics."""
+    return [each for topic in topics for each in topic.subscriptions()]
+
+
+def tell_lost(options: argparse.Namespace, lost: Lost) -> None:
+    """Say that a host is not heard any more, while others are."""
+    say(f"rc {options.command}", f"{lost.why}; the others go on")
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:

@@ -8,11 +8,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from .common import FINE
-from .hosts import add_hosts
-from .live import add_topics, count, nothing_heard
+from .common import UNREACHABLE
+from .hosts import add_hosts, code_of
+from .live import add_topics, count, nothing_heard, tell_lost
 
 if TYPE_CHECKING:
+    from ..tools.hosts import Hosts
     from ..tools.network import Channel
     from ..tools.traffic import Traffic
 
@@ -36,34 +37,46 @@ def add_measured(to: argparse.ArgumentParser, what: str, epilog: str) -> None:
     add_hosts(to)
 
 
-def measure(options: argparse.Namespace, topics: Sequence[Channel], words: Words, figures: Figures) -> int:
-    """Print a line of each topic once a second, as `add_measured` has it. Raises Absent if nothing is heard."""
-    from ..tools.tap import Resumed, arrivals
+def measure(
+    options: argparse.Namespace, hosts: Hosts, topics: Sequence[Channel], words: Words, figures: Figures
+) -> int:
+    """Print a line of each topic and host once a second, as `add_measured` has it. `topics` are subscriptions.
+
+    Raises Absent if nothing is heard.
+    """
+    from ..tools.tap import Lost, Resumed, arrivals
     from ..tools.traffic import Traffic
 
-    heard: dict[str, Traffic] = {}
-    channels = {each.name: each for each in topics}
+    heard: dict[tuple[str, str], Traffic] = {}
+    subscribed: dict[tuple[str, str], list[Channel]] = {}
+    for topic in topics:
+        subscribed.setdefault((topic.name, topic.host), []).append(topic)
 
     def tell() -> None:
         now = time.monotonic()
-        for name, traffic in heard.items():
-            channel, silent = channels[name], traffic.silence(now)
-            over = channel.middlewares[0]
+        for (name, host), traffic in heard.items():
+            (channel, *_), silent = (those := subscribed[name, host]), traffic.silence(now)
+            over = ", ".join(dict.fromkeys(each.middlewares[0] for each in those))
             if options.json:
-                about = {"channel": name, "middleware": over, "messages": traffic.number}
+                about = {"channel": name, "host": host, "middleware": over, "messages": traffic.number}
                 print(json.dumps(about | dict(figures(channel, traffic, bool(silent)))), flush=True)
-            elif silent:
-                print(f"{name} over {over}: nothing for {silent:.1f} s, {messages(traffic)}", flush=True)
+                continue
+            told = f"{name} over {over} of {host}" if host else f"{name} over {over}"
+            if silent:
+                print(f"{told}: nothing for {silent:.1f} s, {messages(traffic)}", flush=True)
             else:
-                print(f"{name} over {over}: {words(channel, traffic) or messages(traffic)}", flush=True)
+                print(f"{told}: {words(channel, traffic) or messages(traffic)}", flush=True)
 
-    told, told_of = time.monotonic(), 0
+    told, told_of, code = time.monotonic(), 0, code_of(hosts)
     for each in arrivals(topics, first=options.timeout, whole=options.seconds):
         if isinstance(each, Resumed):
             for traffic in heard.values():
                 traffic.resume(each.at)
+        elif isinstance(each, Lost):
+            code = UNREACHABLE
+            tell_lost(options, each)
         elif each:
-            heard.setdefault(each.channel, Traffic(options.window)).note(each)
+            heard.setdefault((each.channel, each.host), Traffic(options.window)).note(each)
         if time.monotonic() - told >= _TELL:
             told, told_of = time.monotonic(), _number(heard)
             tell()
@@ -71,10 +84,10 @@ def measure(options: argparse.Namespace, topics: Sequence[Channel], words: Words
         raise nothing_heard(options)
     if options.seconds and _number(heard) > told_of:
         tell()
-    return FINE
+    return code
 
 
-def _number(heard: Mapping[str, Traffic]) -> int:
+def _number(heard: Mapping[tuple[str, str], Traffic]) -> int:
     return sum(each.number for each in heard.values())
 
 

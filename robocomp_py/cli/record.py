@@ -8,6 +8,7 @@ import json
 import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -263,8 +264,10 @@ def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
         f"{seconds:.1f} s",
         flush=True,
     )
+    several = Counter(each["channel"] for each in topics)
     for told in topics:
-        print(f"  {told['channel']}: {told['messages']} messages{_losses(told)}", flush=True)
+        of = f" of {told['host']}" if told["host"] and several[told["channel"]] > 1 else ""
+        print(f"  {told['channel']}{of}: {told['messages']} messages{_losses(told)}", flush=True)
     for told in tellers:
         if losses := _losses(told):
             print(f"  {told['component']} told {told['told']} {told['tells']}{losses}", flush=True)

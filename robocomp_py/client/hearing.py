@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
 import weakref
 from collections import deque
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from ..contract.interface import Operation
 from ..contract.qos import QoS, Reliability
-from ..errors import Closed, RobocompError, Timeout
+from ..errors import Closed, HostUnreachable, RobocompError, Timeout
+from ..tools.access import Subscription
 from ..tools.far import FarLink
 from ..tools.network import Channel
-from ..wire.codec import Payload
+from ..wire.codec import Decoder, Payload
 from .values import record
 
 if TYPE_CHECKING:
     from .session import Session
+
+log = logging.getLogger("robocomp.client")
 
 DEPTH = 100
 """Messages that may wait in one queue."""
@@ -33,20 +38,31 @@ _LOOK = 0.2
 class Hearing:
     """The subscription to one topic, shared by all that listen to it. It lasts as long as the connection."""
 
-    def __init__(self, session: Session, channel: Channel, operation: Operation[Any]) -> None:
+    def __init__(self, session: Session, channel: Channel) -> None:
+        """Raises NotUnderstood, and what opening a link raises, unless a host is lost and another one is heard."""
         self._session, self.name = session, channel.name
-        self._decode = session.codec(channel).decoder(operation.request)
-        self._message = record(operation.request.name, operation.inputs) if len(operation.inputs) != 1 else None
         self.arrived = threading.Condition()
-        self._newest: tuple[float, Payload] | None = None
+        self._newest: tuple[float, _Arrived] | None = None
         self._queues: weakref.WeakSet[Listening] = weakref.WeakSet()
-        qos = QoS(Reliability.BEST_EFFORT, channel.qos.durability, depth=DEPTH)
-        self._link = session.hear(channel, operation, qos, self._take)
+        self._links: list[Subscription] = []
+        self._told: set[FarLink] = set()
+        """Those of lost hosts that the log has."""
+        failed: list[HostUnreachable] = []
+        for each in channel.subscriptions():
+            try:
+                self._links.append(self._opened(each))
+            except HostUnreachable as exc:
+                failed.append(exc)
+        if failed and not self._links:
+            raise failed[0]
+        for error in failed:
+            self._warn(error)
 
     @property
     def error(self) -> RobocompError | None:
-        """Why no further message comes: the host of the publisher is lost."""
-        return self._link.error if isinstance(self._link, FarLink) else None
+        """Why no further message comes: the hosts of all publishers are lost."""
+        errors = [each.error for each in self._links if isinstance(each, FarLink) and each.error]
+        return errors[0] if len(errors) == len(self._links) else None
 
     def latest(self, timeout: float, newer_than: float | None) -> Any:
         begun = time.monotonic()
@@ -54,22 +70,14 @@ class Hearing:
         with self.arrived:
             while self._newest is None or self._newest[0] < oldest:
                 self.wait(begun + timeout, timeout)
-            payload = self._newest[1]
-        return self.decoded(payload)
+            arrived = self._newest[1]
+        return arrived.read(arrived.payload)
 
     def listen(self, timeout: float | None, depth: int | None) -> Listening:
         made = Listening(self, timeout, DEPTH if depth is None else max(1, depth))
         with self.arrived:
             self._queues.add(made)
         return made
-
-    def decoded(self, payload: Payload) -> Any:
-        """Raises DecodeError."""
-        values = self._decode(payload)
-        if self._message is None:
-            return values[0]
-        assert self._message.python is not None
-        return self._message.python(*values)
 
     def wait(self, end: float | None, timeout: float | None) -> None:
         """Wait for a message for a while, with the lock of `arrived`.
@@ -79,6 +87,10 @@ class Hearing:
         self._session.check_open()
         if error := self.error:
             raise error
+        for each in self._links:
+            if isinstance(each, FarLink) and each.error and each not in self._told:
+                self._told.add(each)
+                self._warn(each.error)
         left = _LOOK if end is None else min(_LOOK, end - time.monotonic())
         if left <= 0:
             raise Timeout(f"{self.name}: no message came in {timeout:g} s")
@@ -88,13 +100,36 @@ class Hearing:
         with self.arrived:
             self._queues.discard(queue)
 
-    def _take(self, payload: Payload) -> None:
+    def _opened(self, channel: Channel) -> Subscription:
+        session, operation = self._session, self._session.types.operation(channel.operation)
+        read = _reader(session.codec(channel).decoder(operation.request), operation)
+        qos = QoS(Reliability.BEST_EFFORT, channel.qos.durability, depth=DEPTH)
+        return session.hear(channel, operation, qos, lambda payload: self._take(_Arrived(payload, read)))
+
+    def _take(self, arrived: _Arrived) -> None:
         """On a thread of the transport."""
         with self.arrived:
-            self._newest = time.monotonic(), payload
+            self._newest = time.monotonic(), arrived
             for each in self._queues:
-                each.put(payload)
+                each.put(arrived)
             self.arrived.notify_all()
+
+    def _warn(self, error: RobocompError) -> None:
+        log.warning("%s: %s; the others are heard", self.name, error)
+
+
+class _Arrived(NamedTuple):
+    payload: Payload
+    read: Callable[[Payload], Any]
+    """Makes the message of it. Raises DecodeError."""
+
+
+def _reader(decode: Decoder, operation: Operation[Any]) -> Callable[[Payload], Any]:
+    if len(operation.inputs) == 1:
+        return lambda payload: decode(payload)[0]
+    python = record(operation.request.name, operation.inputs).python
+    assert python is not None
+    return lambda payload: python(*decode(payload))
 
 
 class Listening:
@@ -105,7 +140,7 @@ class Listening:
 
     def __init__(self, hearing: Hearing, timeout: float | None, depth: int) -> None:
         self._hearing, self._timeout, self._depth = hearing, timeout, depth
-        self._waiting: deque[Payload] = deque()
+        self._waiting: deque[_Arrived] = deque()
         self._octets = 0
         self.dropped = 0
 
@@ -127,19 +162,19 @@ class Listening:
                     hearing.wait(end, self._timeout)
                 except Closed:
                     raise StopIteration from None
-            payload = self._waiting.popleft()
+            payload, read = self._waiting.popleft()
             self._octets -= size_of(payload)
-        return hearing.decoded(payload)
+        return read(payload)
 
     def __repr__(self) -> str:
         return f"<messages of {self._hearing.name}: {len(self._waiting)} wait, {self.dropped} dropped>"
 
-    def put(self, payload: Payload) -> None:
+    def put(self, arrived: _Arrived) -> None:
         """With the lock of `arrived`."""
-        self._waiting.append(payload)
-        self._octets += size_of(payload)
+        self._waiting.append(arrived)
+        self._octets += size_of(arrived.payload)
         while len(self._waiting) > self._depth or (self._octets > _OCTETS and len(self._waiting) > 1):
-            self._octets -= size_of(self._waiting.popleft())
+            self._octets -= size_of(self._waiting.popleft().payload)
             self.dropped += 1
 
 

@@ -114,8 +114,9 @@ class Described:
         return self._session.timeout
 
 
-def _provided(channel: Channel) -> tuple[Any, str, int]:
-    return channel.via, channel.middlewares[0], next(iter(channel.texts))
+def _provided(channel: Channel) -> tuple[Any, ...]:
+    ways = channel.subscriptions() if channel.pattern is Pattern.PUBLISH else [channel]
+    return tuple((each.via, each.middlewares[0], next(iter(each.texts))) for each in ways)
 
 
 class Query(Described):
@@ -286,7 +287,7 @@ class Topic(Described):
     def _hearing(self) -> Hearing:
         from .hearing import Hearing
 
-        return Hearing(self._session, self._channel, self._operation)
+        return Hearing(self._session, self._channel)
 
     def _use(self) -> str:
         return f"….latest() · for message in …: · .plot(…) · .publish({self._example()})"

@@ -165,9 +165,7 @@ class Session:
     def hear(
         self, channel: Channel, operation: Operation[Any], qos: QoS, take: Callable[[Payload], object]
     ) -> Subscription:
-        """Subscribe to a topic, on whatever host it is. `take` is called on a thread of the transport."""
-        if channel.left_out:
-            log.warning("%s: %s", channel.name, channel.left_out)
+        """Open one subscription to a topic, on whatever host it is. `take` is called on a thread of the transport."""
         if channel.via:
             return self.opened(lambda: FarLink(channel, lambda heard: take(heard.payload)), lambda made: made.close())
         transport, path = self.transport(channel), transport_channel(channel, operation, qos)

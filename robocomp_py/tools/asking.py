@@ -121,10 +121,12 @@ def about(access: Access, network: Network, channel: Channel, deadline: float = 
     return None
 
 
-def publishers_are_here(access: Access, network: Network, channel: Channel) -> bool:
-    """Whether all publishers of a topic are known to be on this host, so that both sides have one clock."""
+def have_one_clock(access: Access, network: Network, channel: Channel) -> bool:
+    """Whether all publishers of a topic are known to be on the host that hears them: this one, or that of a scout."""
     if deployment_of(channel.middlewares[0]).directory:
-        return True  # it lists processes of this host only
+        return True  # it lists processes of one host only
+    if channel.via:
+        return False
     known = components(network)
     for end in channel.providers[:_MOST]:
         named = [name for name in known if name == end.told.owner or name.endswith(f"/{end.told.owner}")]

@@ -37,6 +37,8 @@ class Message(NamedTuple):
     """When it was sent, by the clock of its publisher's host, in seconds since 1970; None if it does not tell."""
     number: int | None
     """Counts the messages of its publisher from 1; None if it does not tell."""
+    host: str = ""
+    """The host whose scout has heard it; "" if this process has."""
 
 
 class Far:
@@ -50,32 +52,33 @@ class Far:
         Unless `full`, messages may be shortened.
         """
         self._take, self._miss, self._full = take, miss, full
-        self._published: dict[str, bool] = {}
-        self.error: RobocompError | None = None
-        """What went wrong."""
+        self._published: dict[tuple[str, str], bool] = {}
+        """By channel and host."""
+        self.lost: dict[str, RobocompError] = {}
+        """The hosts that are not heard any more, and why."""
 
     def following(self, post: Post, topics: Sequence[Channel]) -> AbstractContextManager[Any]:
         """While entered, these topics are heard on the host of this scout."""
-        self._published.update(dict.fromkeys((each.name for each in topics), False))
+        self._published.update(dict.fromkeys(((each.name, post.host) for each in topics), False))
         return post.following("hear", partial(self._answer, post.host), **_named(topics), full=self._full)
 
-    def presences(self) -> list[tuple[str, bool]]:
-        """The topics, and whether something publishes them now."""
-        return list(self._published.items())
+    def presences(self) -> dict[tuple[str, str], bool]:
+        """The topics by name and host, and whether something publishes them there now; lost hosts have none."""
+        return {key: is_published for key, is_published in self._published.copy().items() if key[1] not in self.lost}
 
     def _answer(self, host: str, answer: Answer | RobocompError) -> None:
         match answer:
-            case {"message": [str(channel), shown, int(dropped), sent, number]} if channel in self._published:
-                self._published[channel] = True
+            case {"message": [str(channel), shown, int(dropped), sent, number]} if (channel, host) in self._published:
+                self._published[channel, host] = True
                 stamp = float(sent) if isinstance(sent, int | float) else None
                 count = number if isinstance(number, int) else None
-                self._take(channel, Message(0.0, channel, shown, max(0, dropped), stamp, count))
-            case {"presence": [str(channel), bool(is_published)]} if channel in self._published:
-                self._published[channel] = is_published
+                self._take(channel, Message(0.0, channel, shown, max(0, dropped), stamp, count, host))
+            case {"presence": [str(channel), bool(is_published)]} if (channel, host) in self._published:
+                self._published[channel, host] = is_published
             case {"dropped": int(number)}:
                 self._miss(max(0, number))
             case _:
-                self.error = self.error or ended(host, answer)
+                _note(self.lost, host, answer)
 
 
 class FarArrivals:
@@ -83,14 +86,15 @@ class FarArrivals:
 
     def __init__(self, take: Callable[[Arrival], object]) -> None:
         self._take = take
-        self.error: RobocompError | None = None
+        self.lost: dict[str, RobocompError] = {}
+        """As that of `Far`."""
 
     def following(self, post: Post, topics: Sequence[Channel]) -> AbstractContextManager[Any]:
         names = frozenset(each.name for each in topics)
         return post.following("arrivals", _Clocked(self, post.host, names, self._take), **_named(topics))
 
-    def presences(self) -> list[tuple[str, bool]]:
-        return []
+    def presences(self) -> dict[tuple[str, str], bool]:
+        return {}
 
 
 class _Clocked:
@@ -112,11 +116,11 @@ class _Clocked:
                             channel in self._names
                         ):
                             known = float(age) if isinstance(age, int | float) else math.nan
-                            self._take(Arrival(channel, at + self._ahead, octets, source, sequence, known))
+                            self._take(Arrival(channel, at + self._ahead, octets, source, sequence, known, self._host))
             case {"dropped": int()}:
                 pass  # the numbers of messages tell, too
             case _:
-                self._far.error = self._far.error or ended(self._host, answer)
+                _note(self._far.lost, self._host, answer)
 
 
 _LONGEST = 256 * 1024 * 1024
@@ -211,7 +215,13 @@ class FarLink:
 def _named(topics: Sequence[Channel]) -> dict[str, Any]:
     """What a question for topics has."""
     used = dict.fromkeys(middleware for each in topics for middleware in each.middlewares)
-    return {"channels": [each.name for each in topics], "middlewares": list(used)}
+    over = [each.middlewares[0] for each in topics]
+    return {"channels": [each.name for each in topics], "over": over, "middlewares": list(used)}
+
+
+def _note(lost: dict[str, RobocompError], host: str, answer: Answer | RobocompError) -> None:
+    if error := ended(host, answer):
+        lost.setdefault(host, error)
 
 
 def ended(host: str, answer: Answer | RobocompError) -> RobocompError | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +12,7 @@ from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
 from ..errors import RobocompError
 from ..printable import one_line
-from ..spelling import closest, enumerated
+from ..spelling import closest
 from ..transports.census import Told
 from ..wire import names
 from .announced import OWN, PROVIDERS
@@ -122,15 +122,30 @@ class Channel:
         return ends[0].via if ends and all(each.via for each in ends) else None
 
     @property
-    def unheard(self) -> list[str]:
-        """The hosts whose publishers a subscription to this topic does not hear: it is opened here, or by one scout."""
-        via = self.via
-        return list(dict.fromkeys(each.host for each in self.providers if each.via and each.via is not via))
+    def host(self) -> str:
+        """That of the scout through which it can be reached; "" if this process reaches it itself."""
+        return self.via.host if self.via else ""
 
-    @property
-    def left_out(self) -> str:
-        """What a subscription to this topic does not hear, for people; "" if it hears all."""
-        return f"what is published under this name on {enumerated(self.unheard)} is left out" if self.unheard else ""
+    def subscriptions(self, is_open: Callable[[Channel], bool] = lambda each: False) -> list[Channel]:
+        """This topic by each of the few subscriptions that together hear all of its publishers: over one middleware
+        each, from here or through one scout.
+
+        Those that are open already are not among them. A topic without publishers has one subscription, itself.
+        """
+        ways: dict[tuple[Post | None, str], list[End]] = {}
+        for each in self.providers:
+            ways.setdefault((each.via, each.middleware), []).append(each)
+        offered = [(Channel(self.name, self.pattern, ends), set(map(_process, ends))) for ends in ways.values()]
+        if not offered:
+            return [] if is_open(self) else [self]
+        heard = {process for each, reached in offered if is_open(each) for process in reached}
+        found: list[Channel] = []
+        while True:
+            best, reached = max(offered, key=lambda each: len(each[1] - heard))  # of equal ones, the first
+            if reached <= heard:
+                return found
+            found.append(best)
+            heard |= reached
 
     @property
     def options(self) -> Mapping[str, Any]:

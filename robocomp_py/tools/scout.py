@@ -4,10 +4,11 @@ The agent of `rcdeploy` starts it on request. It reads questions from its standa
 standard output, objects of JSON, one a line, and ends with its input:
 
     {"id": 1, "do": "census", "middlewares": ["shm"]}    all ends of channels; without middlewares, of all that can tell
-    {"id": 1, "do": "hear", "channels": […]}             messages of these topics; with "full": true, not shortened
+    {"id": 1, "do": "hear", "channels": […]}             messages of these topics; with "full": true, not shortened;
+                                                         with "over": […], each of them over this middleware
     {"id": 1, "do": "octets", "channels": ["…"], "fingerprint": 7}
                                                          messages of this topic, with this contract, not decoded
-    {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in
+    {"id": 1, "do": "arrivals", "channels": […]}         when messages of these topics come in; with "over", as above
     {"id": 1, "do": "call", "channel": "…", "arguments": {…}, "within": 5}
                                                          call a query, or send a command
     {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100,
@@ -260,7 +261,7 @@ def _hear(place: _Place, question: Message, answer: Answer, over: threading.Even
                     shown = f"not sent to another host: as JSON, it has more than {LONGEST // 2} octets"
                 answer(message=[heard.channel, shown, heard.dropped, heard.sent, heard.number])
                 continue
-            for channel, is_published in tapping.presences():
+            for (channel, _), is_published in tapping.presences().items():
                 if published.get(channel) is not is_published:
                     published[channel] = is_published
                     answer(presence=[channel, is_published])
@@ -345,7 +346,8 @@ def _arrivals(place: _Place, question: Message, answer: Answer, over: threading.
         if over.is_set():
             return
         if isinstance(each, Arrival):
-            waiting.append([*each[:-1], None if math.isnan(each.age) else each.age])
+            age = None if math.isnan(each.age) else each.age
+            waiting.append([each.channel, each.at, each.octets, each.source, each.sequence, age])
         now = time.monotonic()
         if len(waiting) >= _TOGETHER or (waiting and now - told_at >= _LOOK):
             told_at = now
@@ -355,8 +357,18 @@ def _arrivals(place: _Place, question: Message, answer: Answer, over: threading.
 
 def _topics(question: Message) -> list[Channel]:
     """The topics that a question names whole. Raises ValueError."""
-    network = _seen(question)
-    return [network.topic(str(name)) for name in question["channels"]]
+    network, names = _seen(question), [str(each) for each in question["channels"]]
+    topics = [network.topic(each) for each in names]
+    over = question.get("over")
+    return [_over(str(middleware), topic) for topic, middleware in zip(topics, over, strict=True)] if over else topics
+
+
+def _over(middleware: str, topic: Channel) -> Channel:
+    """A topic over one middleware."""
+    ends = [each for each in topic.providers or topic.users if each.middleware == middleware]
+    if not ends:
+        raise ValueError(f"nothing publishes {topic.name} over {middleware}")
+    return Channel(topic.name, topic.pattern, ends)
 
 
 _DEEDS: Mapping[str, _Deed] = {

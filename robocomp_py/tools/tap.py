@@ -9,16 +9,15 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import Any, NamedTuple
 
-from ..errors import DecodeError
+from ..errors import DecodeError, RobocompError
 from ..threads import start_thread
 from ..transports.base import Heard, SupportsSources
 from ..wire import json
-from ..wire.codec import Decoder, Payload
+from ..wire.codec import Codec, Payload
 from .access import Access, Subscription
 from .far import Far, FarArrivals
 from .far import Message as Message
@@ -47,6 +46,15 @@ class Presence(NamedTuple):
 
     channel: str
     is_published: bool
+    host: str = ""
+    """As that of a message."""
+
+
+class Lost(NamedTuple):
+    """A host is not heard any more, and the other subscriptions go on."""
+
+    host: str
+    why: str
 
 
 class Resumed(NamedTuple):
@@ -56,12 +64,17 @@ class Resumed(NamedTuple):
     """`time.monotonic()`."""
 
 
+Show = Callable[[Payload], Any]
+"""What a payload is as JSON; a text that says why, if it cannot be decoded."""
+
+
 class _Arrived(NamedTuple):
     time: float
     channel: str
     heard: Heard | Message
     """A message if a scout has decoded it."""
     octets: int
+    show: Show | None
 
 
 class Inbox:
@@ -73,14 +86,15 @@ class Inbox:
         self._octets = 0
         self._dropped = 0
 
-    def put(self, channel: str, heard: Heard | Message) -> None:
+    def put(self, channel: str, heard: Heard | Message, show: Show | None = None) -> None:
+        """`show` is needed for what `message` is to show."""
         size = _FAR if isinstance(heard, Message) else octets_of(heard.payload)
         with self._lock:
             if isinstance(heard, Message):
                 self._dropped += heard.dropped
             if self._octets + size <= OCTETS or not self._octets:
                 with contextlib.suppress(queue.Full):
-                    self._waiting.put_nowait(_Arrived(time.time(), channel, heard, size))
+                    self._waiting.put_nowait(_Arrived(time.time(), channel, heard, size, show))
                     self._octets += size
                     return
             self._dropped += 1
@@ -104,72 +118,70 @@ class Inbox:
 
 def tapped(
     topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
-) -> Generator[Message | Presence, None, None]:
+) -> Generator[Message | Presence | Lost, None, None]:
     """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
 
-    Whether topics are published is noticed while no message comes. Unless `full`, messages from other hosts may be
-    shortened.
+    A topic may be there several times, as its `subscriptions`. Whether topics are published is noticed while no message
+    comes. Unless `full`, messages from other hosts may be shortened. Raises what has gone wrong once nothing is heard
+    any more.
     """
     inbox, span = Inbox(DEPTH * len(topics)), Span(first, whole)
-    decoders: dict[str, Decoder] = {}
-    published = dict.fromkeys((each.name for each in topics), False)
-    lost: set[str] = set()
-
-    def resumed() -> None:
-        published.update(dict.fromkeys(published, False))  # new subscriptions find their publishers anew
-
-    subscriptions = _Subscriptions(topics, inbox.put, decoders, resumed, far=Far(inbox.put, inbox.miss, full))
-    with _listening(subscriptions) as check:
+    published: dict[tuple[str, str], bool] = {}
+    ended: set[tuple[str, str]] = set()
+    subscriptions = _Subscriptions(
+        topics,
+        inbox.put,
+        published.clear,  # new subscriptions find their publishers anew
+        far=Far(inbox.put, inbox.miss, full),
+    )
+    with _listening(subscriptions):
         while span.goes_on():
-            check()
+            yield from subscriptions.losses()
             if found := inbox.get(_LOOK):
                 span.heard = True
-                arrived, dropped = found
-                published[arrived.channel] = True
-                yield _message(topics, decoders, arrived, dropped)
+                message = _message(*found)
+                published[message.channel, message.host] = True
+                yield message
                 continue
-            for channel, is_published in subscriptions.presences():
-                if published[channel] and not is_published:
-                    lost.add(channel)
-                    yield Presence(channel, False)
-                elif is_published and channel in lost:
-                    lost.remove(channel)
-                    yield Presence(channel, True)
-                published[channel] = is_published
+            for key, is_published in subscriptions.presences().items():
+                channel, host = key
+                if published.get(key) and not is_published:
+                    ended.add(key)
+                    yield Presence(channel, False, host)
+                elif is_published and key in ended:
+                    ended.remove(key)
+                    yield Presence(channel, True, host)
+                published[key] = is_published
 
 
 class Tap:
     """Messages of topics, for one thread to take."""
 
-    def __init__(
-        self,
-        topics: Sequence[Channel],
-        inbox: Inbox,
-        decoders: dict[str, Decoder],
-        check: Callable[[], None],
-        presences: Callable[[], list[tuple[str, bool]]],
-    ) -> None:
-        self._topics, self._inbox, self._decoders, self._check = topics, inbox, decoders, check
-        self.presences = presences
-        """Tells the topics, and whether something publishes them now, as far as their middleware can tell."""
+    def __init__(self, inbox: Inbox, subscriptions: _Subscriptions) -> None:
+        self._inbox, self._subscriptions = inbox, subscriptions
 
     def take(self, timeout: float) -> Message | None:
-        """The next message; None if none comes in time. Raises what has gone wrong with the subscriptions."""
-        self._check()
+        """The next message; None if none comes in time. Raises what has gone wrong with any subscription."""
+        self._subscriptions.check()
         found = self._inbox.get(timeout)
-        return _message(self._topics, self._decoders, *found) if found else None
+        return _message(*found) if found else None
+
+    def presences(self) -> Mapping[tuple[str, str], bool]:
+        """The topics by name and host, and whether something publishes them now, as far as middlewares can tell."""
+        return self._subscriptions.presences()
 
 
 @contextlib.contextmanager
 def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
     """Listen to these topics until the end."""
-    inbox, decoders = Inbox(DEPTH * len(topics)), dict[str, Decoder]()
-    subscriptions = _Subscriptions(topics, inbox.put, decoders, far=Far(inbox.put, inbox.miss))
-    with _listening(subscriptions) as check:
-        yield Tap(topics, inbox, decoders, check, subscriptions.presences)
+    inbox = Inbox(DEPTH * len(topics))
+    with _listening(subscriptions := _Subscriptions(topics, inbox.put, far=Far(inbox.put, inbox.miss))):
+        yield Tap(inbox, subscriptions)
 
 
-def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) -> Iterator[Arrival | Resumed | None]:
+def arrivals(
+    topics: Sequence[Channel], *, first: float, whole: float | None
+) -> Iterator[Arrival | Lost | Resumed | None]:
     """The arrivals of new messages, as long as `tapped`; None whenever a while passes without one.
 
     While the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
@@ -181,7 +193,7 @@ def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) ->
         if waiting.qsize() < ARRIVALS:
             waiting.put(arrival)
 
-    def note(channel: str, heard: Heard) -> None:
+    def note(channel: str, heard: Heard, show: Show) -> None:
         if waiting.qsize() < ARRIVALS:
             age = (time.time_ns() - heard.stamp) / 1e9 if heard.stamp else math.nan
             size = octets_of(heard.payload)
@@ -190,9 +202,9 @@ def arrivals(topics: Sequence[Channel], *, first: float, whole: float | None) ->
     def resumed() -> None:
         waiting.put(Resumed(time.monotonic()))  # these are as many as a user types
 
-    with _listening(_Subscriptions(topics, note, {}, resumed, latched=False, far=FarArrivals(put))) as check:
+    with _listening(subscriptions := _Subscriptions(topics, note, resumed, latched=False, far=FarArrivals(put))):
         while span.goes_on():
-            check()
+            yield from subscriptions.losses()
             try:
                 arrival = waiting.get(timeout=_LOOK)
             except queue.Empty:
@@ -215,8 +227,8 @@ class Span:
 
 
 @contextlib.contextmanager
-def _listening(subscriptions: _Subscriptions) -> Iterator[Callable[[], None]]:
-    """Open subscriptions until the end. The yielded function raises what has gone wrong with them meanwhile.
+def _listening(subscriptions: _Subscriptions) -> Iterator[None]:
+    """Open subscriptions until the end.
 
     When the user stops this process (Ctrl-Z), it first closes them: otherwise publishers could have to wait for it. A
     thread does so, because the main thread may be writing to a pipe that takes nothing.
@@ -225,7 +237,7 @@ def _listening(subscriptions: _Subscriptions) -> Iterator[Callable[[], None]]:
     try:
         before = signal.signal(signal.SIGTSTP, subscriptions.stop) if in_main else None
         subscriptions.open()
-        yield subscriptions.check
+        yield
     finally:
         subscriptions.close()
         if in_main:
@@ -236,20 +248,20 @@ class _Subscriptions:
     def __init__(
         self,
         topics: Sequence[Channel],
-        take: Callable[[str, Heard], None],
-        decoders: dict[str, Decoder],
+        take: Callable[[str, Heard, Show], None],
         resumed: Callable[[], None] = lambda: None,
         *,
         far: Far | FarArrivals,
         latched: bool = True,
     ) -> None:
-        """`take` gets the name of a channel and a message; unless `latched`, only those that are sent from now on.
+        """`take` gets the name of a channel, a message and what shows its payload; unless `latched`, only messages that
+        are sent from now on.
 
         `resumed` is called when this process goes on after a stop, before the first message. `far` takes what is heard
         on other hosts.
         """
         self._topics = [each for each in topics if each.via is None]
-        self._take, self._decoders, self._resumed = take, decoders, resumed
+        self._take, self._resumed = take, resumed
         self._latched, self._far = latched, far
         self._posts: dict[Post, list[Channel]] = {}
         for each in topics:
@@ -257,7 +269,9 @@ class _Subscriptions:
                 self._posts.setdefault(each.via, []).append(each)
         self._following = contextlib.ExitStack()
         self._access: Access | None = None
-        self._links: dict[str, Subscription] = {}
+        self._links: list[tuple[str, Subscription]] = []
+        self._told: set[str] = set()
+        """The lost hosts that `losses` has told."""
         self._wanted: queue.SimpleQueue[None] = queue.SimpleQueue()
         """Gets an item when this process is to stop, or the subscriptions are to end.
 
@@ -276,16 +290,27 @@ class _Subscriptions:
         self._wanted.put(None)
 
     def check(self) -> None:
-        if error := self._error or self._far.error:
+        """Raise what has gone wrong with any subscription."""
+        if error := self._error or next(iter(self._far.lost.values()), None):
             raise error
 
-    def presences(self) -> list[tuple[str, bool]]:
-        """The topics, and whether something publishes them now, as far as their middleware can tell."""
-        links = self._links
-        found = [
-            (name, bool(link.sources())) for name, link in list(links.items()) if isinstance(link, SupportsSources)
-        ]
-        return (found if links is self._links else []) + self._far.presences()  # they may have been closed meanwhile
+    def losses(self) -> Iterator[Lost]:
+        """The hosts that were lost since the last call. Raises what has gone wrong once nothing is heard any more."""
+        lost = self._far.lost
+        if self._error or (lost and not self._topics and all(post.host in lost for post in self._posts)):
+            self.check()
+        for host, error in lost.copy().items():
+            if host not in self._told:
+                self._told.add(host)
+                yield Lost(host, str(error))
+
+    def presences(self) -> Mapping[tuple[str, str], bool]:
+        """The topics by name and host, and whether something publishes them now, as far as middlewares can tell."""
+        links, found = self._links, dict[tuple[str, str], bool]()
+        for name, link in links.copy():
+            if isinstance(link, SupportsSources):
+                found[name, ""] = found.get((name, "")) or bool(link.sources())
+        return (found if links is self._links else {}) | self._far.presences()  # they may have been closed meanwhile
 
     def close(self) -> None:
         self._is_over = True
@@ -312,33 +337,47 @@ class _Subscriptions:
 
     def _listen(self) -> None:
         self._access = access = Access()
+        self._far.lost.clear()
+        self._told.clear()
         for topic in self._topics:
-            sink = partial(self._take, topic.name)
+            sink = self._sink(topic.name, _show(topic, access.codec(topic)))
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
-            self._decoders[topic.name] = heard.codec.decoder(topic.operation.request)
-            self._links[topic.name] = heard.link
+            self._links.append((topic.name, heard.link))
         for post, there in self._posts.items():
-            self._following.enter_context(self._far.following(post, there))
+            try:
+                self._following.enter_context(self._far.following(post, there))
+            except RobocompError as exc:  # for `check` and `losses`
+                self._far.lost[post.host] = exc
+
+    def _sink(self, name: str, show: Show) -> Callable[[Heard], None]:
+        return lambda heard: self._take(name, heard, show)
 
     def _silence(self) -> None:
         self._following.close()
-        self._links = {}
+        self._links = []
         if self._access:
             self._access.close()
             self._access = None
 
 
-def _message(topics: Sequence[Channel], decoders: dict[str, Decoder], arrived: _Arrived, dropped: int) -> Message:
+def _show(topic: Channel, codec: Codec) -> Show:
+    inputs, decode = topic.operation.inputs, codec.decoder(topic.operation.request)
+
+    def show(payload: Payload) -> Any:
+        try:
+            return json.show_fields(inputs, decode(payload))
+        except DecodeError as exc:
+            return f"not understood: {exc}"
+
+    return show
+
+
+def _message(arrived: _Arrived, dropped: int) -> Message:
     heard = arrived.heard
     if isinstance(heard, Message):
         return heard._replace(time=arrived.time, dropped=dropped)
-    topic = next(each for each in topics if each.name == arrived.channel)
-    shown: Any
-    try:
-        shown = json.show_fields(topic.operation.inputs, decoders[arrived.channel](heard.payload))
-    except DecodeError as exc:
-        shown = f"not understood: {exc}"
     sent = heard.stamp / 1e9 if heard.stamp else None
+    shown = arrived.show(heard.payload) if arrived.show else None
     return Message(arrived.time, arrived.channel, shown, dropped, sent, heard.sequence if heard.source else None)
 
 

@@ -32,6 +32,8 @@ class Arrival(NamedTuple):
     """Counts the messages of a source."""
     age: float = math.nan
     """Seconds since it was sent, by the clocks of both sides; NaN if the message does not tell."""
+    host: str = ""
+    """The host whose scout has heard it; "" if this process has."""
 
 
 class Rate(NamedTuple):

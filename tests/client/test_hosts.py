@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import subprocess
 import sys
@@ -17,8 +18,12 @@ from robocomp_py import connect
 from robocomp_py.client.session import NotThere
 from robocomp_py.errors import DeclaredError, HostUnreachable
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.tools.census import take_census
+from robocomp_py.transports.base import find_transport
 
+from ..runtime.test_run import make, running
 from ..tools import elsewhere
+from ..tools.talkers import Talker
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +93,26 @@ def test_a_lost_host_is_told(net: Any, network: elsewhere.Network, caplog: pytes
     network.standing.scouts |= scouts
     assert tuple(net.talker.Everything.divide(17, 5)) == (3, 2)
     assert topic.latest(newer_than=0).number > 0
+
+
+def test_publishers_of_one_name_are_heard_on_all_hosts(
+    network: elsewhere.Network, caplog: pytest.LogCaptureFixture
+) -> None:
+    why = "talker/Everything/news: base is out of reach: its cable was cut; the others are heard"
+    with contextlib.ExitStack() as end:
+        here = end.enter_context(running(make(Talker, find_transport, "middleware=shm", name="talker")))
+        here.texts = ("here",)
+        wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+        topic: Any = end.enter_context(connect("home", middleware="shm"))["talker/Everything/news"]
+        messages = topic.listen(timeout=SOON)
+        heard = {"here", topic.latest().text}
+        wait_until(lambda: heard.add(next(messages).text) or len(heard) == 2)
+        network.cut()
+        here.texts = ("still here",)
+        with caplog.at_level(logging.WARNING):
+            wait_until(lambda: next(messages).text == "still here" and why in caplog.text)
+        assert topic.latest(newer_than=0).text == "still here"
+    assert caplog.text.count(why) == 1
 
 
 SCRIPT = """

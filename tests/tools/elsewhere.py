@@ -100,8 +100,8 @@ def _environment(folder: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def apart(folder: Path, module: str) -> Iterator[None]:
-    """A process that runs this module, with another run-time folder than this one, once it says that it is ready."""
-    folder.mkdir(mode=0o700)
+    """A process that runs this module with a run-time folder, once it says that it is ready."""
+    folder.mkdir(mode=0o700, exist_ok=True)
     pipe, command = subprocess.PIPE, [sys.executable, "-m", module]
     process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=_environment(folder), text=True)
     with process:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import json
 import os
 import re
 import sys
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -32,12 +33,15 @@ from robocomp_py.tools.mcp.bounds import Bounds, Rate, Refused, fitted
 from robocomp_py.tools.mcp.permissions import permissions_of
 from robocomp_py.tools.mcp.requests import Requests
 from robocomp_py.tools.mcp.server import make_server
+from robocomp_py.tools.network import End, Network
+from robocomp_py.tools.posts import Post
 from robocomp_py.transports.base import find_transport
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Diary, Tuned
 from ..runtime.test_run import make, running
 from .talkers import Talker
+from .test_scout import Direct
 
 LONG = 6 * SOON
 """Seconds for a client and its server, which may be a process that has to start."""
@@ -98,12 +102,13 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]
 class Agent:
     """An agent with its server, over the library's own client. `log` has what the server has written down."""
 
-    def __init__(self, access: Access, bounds: Bounds) -> None:
+    def __init__(self, access: Access, bounds: Bounds, also: Callable[[], Iterable[End]] = tuple) -> None:
+        """`also` tells what runs on other hosts."""
         self.log: list[str] = []
         self.session = Session("", ["shm"], SOON)
         self.requests = Requests(
             access,
-            partial(take_census, ["shm"]),
+            lambda: Network([*take_census(["shm"], own=True).ends, *also()]),
             permissions_of(PLAN),
             lambda level, text: self.log.append(f"{level}: {text}"),
             lambda offered, values: Action(self.session, offered)(*values),
@@ -153,6 +158,18 @@ def test_an_agent_sees_its_network_and_nothing_else(agent: Agent) -> None:
     assert (news["kind"], news["may_be_published"]) == ("topic", True)
     [fly] = agent.ask("list_channels", kind="action")
     assert (fly["channel"], fly["goals_may_be_begun"]) == ("pilot/Pilot/fly", True)
+
+
+def test_an_agent_reads_a_topic_of_all_hosts(network: dict[str, Any]) -> None:
+    with contextlib.closing(Post("base", Direct)) as post, Access() as access:
+
+        def there() -> list[End]:
+            return [replace(each, host="base", via=post) for each in take_census(["shm"], own=True).ends]
+
+        with Agent(access, Bounds(), there) as agent:
+            messages = agent.ask("read_topic", topic="station/Everything", count=20)["messages"]
+    assert {each["host"] for each in messages} == {"", "base"}
+    assert {each["message"]["text"] for each in messages} == {"hello"}
 
 
 def test_an_agent_reads_topics_contracts_parameters_and_measures(agent: Agent) -> None:

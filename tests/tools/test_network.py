@@ -8,7 +8,7 @@ import pytest
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.testing import everything as e
-from robocomp_py.tools.network import End, Network
+from robocomp_py.tools.network import Channel, End, Network
 from robocomp_py.tools.posts import Post
 from robocomp_py.tools.recording.session import way_of
 from robocomp_py.transports.census import Told
@@ -60,21 +60,48 @@ def test_components_of_one_name_in_two_namespaces_are_two() -> None:
     ]
 
 
-def test_a_topic_of_several_hosts_tells_which_of_them_are_not_heard() -> None:
-    def there(host: str) -> End:
-        published = end("world", "publishes", "world/Everything/news")
-        return replace(published, host=host, via=Post(host, lambda: pytest.fail("no scout is needed")))
+POSTS = {host: Post(host, lambda: pytest.fail("no scout is needed")) for host in ("base", "arm")}
 
-    here, base, arm = end("world", "publishes", "world/Everything/news"), there("base"), there("arm")
-    (far,) = Network([base, arm]).channels.values()
-    assert (far.unheard, way_of(far)) == (
-        ["arm"],
-        "over near of base; what is published under this name on arm is left out",
-    )
-    assert Network([here, base, arm]).topic("news").left_out == (
-        "what is published under this name on base and arm is left out"
-    )
-    assert Network([here]).topic("news").left_out == Network([base]).topic("news").left_out == ""
+
+def published(middleware: str = "near", pid: int = 1, on: str = "", seen_by: str = "") -> End:
+    """`world/Everything/news` of a process on a host, seen by the scout of one, or by this process."""
+    told = end("world", "publishes", "world/Everything/news", pid=pid)
+    return replace(told, middleware=middleware, host=on, via=POSTS[seen_by] if seen_by else None)
+
+
+@pytest.mark.parametrize(
+    ("ends", "ways"),
+    [
+        ([published(), published(on="base", seen_by="base")], ["over near", "over near of base"]),
+        ([published(on=each, seen_by=each) for each in POSTS], ["over near of base", "over near of arm"]),
+        ([published(pid=1), published(pid=2)], ["over near"]),
+        ([published("near", pid=1), published("far", pid=2)], ["over near", "over far"]),
+        ([published("near"), published("far")], ["over near"]),
+        ([published("far", on="base"), published("near", on="base", seen_by="base")], ["over far"]),
+        (
+            [
+                published("near", pid=1),
+                published("far", pid=1),
+                published("far", pid=1, on="base"),
+                published("near", pid=1, on="base", seen_by="base"),
+            ],
+            ["over far"],
+        ),
+    ],
+)
+def test_a_topic_is_heard_by_as_few_subscriptions_as_hear_all_its_publishers(ends: list[End], ways: list[str]) -> None:
+    assert [way_of(each) for each in Network(ends).topic("news").subscriptions()] == ways
+
+
+def test_subscriptions_that_are_open_are_used_further() -> None:
+    here, also = published("near", pid=1), published("far", pid=1)
+    far = published("far", pid=1, on="base")
+
+    def opened(each: Channel) -> bool:
+        return way_of(each) == "over near"
+
+    assert [way_of(each) for each in Network([here, also, far]).topic("news").subscriptions(opened)] == ["over far"]
+    assert Network([here, also]).topic("news").subscriptions(opened) == []
 
 
 def test_a_whole_name_means_only_its_own_channel() -> None:

@@ -46,7 +46,7 @@ from ..client.pilot import flying
 from ..runtime.components import Calculator, Tuned
 from ..runtime.test_run import make, running
 from . import elsewhere
-from .test_commands import Listener, Talker, complained, said
+from .test_commands import Listener, Talker, complained, heard, said
 from .test_top import Asking
 
 NOWHERE = Post("nowhere", lambda: Direct())
@@ -252,18 +252,94 @@ def test_topics_of_another_host_are_printed_and_measured(capsys: pytest.CaptureF
         assert aged["one_clock"]
 
 
+ALL = ("--middleware", "shm", "--json")
+"""Of all hosts."""
+
+
+@pytest.mark.usefixtures("talker")
+def test_publishers_of_one_name_are_heard_on_all_hosts(capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base", "robot"):
+        found = [json.loads(line) for line in said(capsys, "echo", "news", *ALL, "-n", "60").splitlines()]
+        assert {(each["channel"], each["host"]) for each in found} == {
+            ("talker/Everything/news", host) for host in ("", "base", "robot")
+        }
+        for host in ("", "base", "robot"):
+            numbers = [each["message"]["number"] for each in found if each["host"] == host]
+            assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+        shown = said(capsys, "echo", "news", "--middleware", "shm", "-n", "60").splitlines()
+        assert {line.split()[1] for line in shown} == {"here", "base", "robot"}
+        rows = said(capsys, "echo", "news", "--middleware", "shm", "-n", "60", "--csv").splitlines()
+        assert rows[0] == "time,host,number,text"
+        assert {row.split(",")[1] for row in rows[1:]} == {"here", "base", "robot"}
+
+
+@pytest.mark.usefixtures("talker")
+@pytest.mark.parametrize("command", ["hz", "bw", "delay"])
+def test_each_host_of_a_topic_is_measured(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with elsewhere.network("base"):
+        measured = [json.loads(line) for line in heard(capsys, command, "news", *ALL, seconds=1.2).splitlines()]
+        assert {(each["channel"], each["host"]) for each in measured} == {
+            ("talker/Everything/news", ""),
+            ("talker/Everything/news", "base"),
+        }
+        if command == "delay":
+            assert all(each["one_clock"] for each in measured)
+        shown = heard(capsys, command, "news", "--middleware", "shm", seconds=1.2)
+        assert "\ntalker/Everything/news over shm of base: " in f"\n{shown}"
+        assert "\ntalker/Everything/news over shm: " in f"\n{shown}"
+
+
+def test_a_topic_is_heard_over_all_middlewares_of_its_publishers(
+    own_runtime_folder: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = ("--middleware", "shm", "--middleware", "zeromq")
+    with (
+        elsewhere.apart(own_runtime_folder, "tests.tools.there"),
+        running(make(Talker, find_transport, "middleware=zeromq", name="talker")) as worker,
+    ):
+        worker.texts = ("over zeromq",)
+        wait_until(lambda: len(take_census(["shm", "zeromq"]).topic("news").providers) == 2)
+        with elsewhere.network("base"):
+            for host in ("here", "base"):
+                lines = said(capsys, "echo", "news", *over, "--host", host, "-n", "60", "--json").splitlines()
+                assert {json.loads(each)["message"]["text"] for each in lines} == {"hello", "over zeromq"}
+            measured = heard(capsys, "hz", "news", *over, "--host", "base", "--json", seconds=1.2)
+            assert {json.loads(each)["middleware"] for each in measured.splitlines()} == {"shm, zeromq"}
+
+
+def test_when_one_of_several_hosts_is_lost_the_others_are_heard(
+    talker: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    complaints = io.StringIO()
+    with elsewhere.network("base") as network:
+
+        def cut_once_it_listens() -> None:
+            wait_until(lambda: any('"hear"' in each for each in network.questions))
+            network.cut()
+            wait_until(lambda: "the others go on" in complaints.getvalue())
+            talker.texts = ("late",)
+
+        cut = threading.Thread(target=cut_once_it_listens)
+        cut.start()
+        words = ("echo", "news", "--middleware", "shm", "--where", "text=late", "-n", "1", "--json")
+        with contextlib.redirect_stderr(complaints):
+            assert rc.main(list(words)) == UNREACHABLE
+        cut.join()
+    assert json.loads(capsys.readouterr().out)["host"] == ""
+    assert complaints.getvalue() == "rc echo: base is out of reach: its cable was cut; the others go on\n"
+
+
 @pytest.mark.usefixtures("talker")
 @pytest.mark.parametrize("words", [("echo", "-n", "1"), ("hz", "--for", "1.2")])
-def test_publishers_of_the_same_name_that_are_not_heard_are_told(
+def test_a_host_that_is_out_of_reach_is_told_while_others_are_heard(
     words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with elsewhere.network("base", "robot"):
-        assert rc.main([*words, "news", "--middleware", "shm"]) == 0
-        left_out = "what is published under this name on base and robot is left out"
-        hint = "hear one host with --host base"
-        assert capsys.readouterr().err == f"rc {words[0]}: talker/Everything/news: {left_out}; {hint}\n"
-        assert rc.main([*words, "news", *THERE]) == 0
-        assert capsys.readouterr().err == ""
+    with elsewhere.network("base", "robot") as network:
+        del network.standing.scouts["base"]
+        assert rc.main([*words, "news", "--middleware", "shm"]) == UNREACHABLE
+        shown = capsys.readouterr()
+        assert shown.err == "warning: base is out of reach: its cable was cut\n"
+        assert shown.out
 
 
 @pytest.mark.usefixtures("talker")
@@ -319,7 +395,8 @@ def test_that_a_publisher_ends_is_told(own_runtime_folder: Any, post: Post) -> N
 def test_answers_that_are_not_understood_are_ignored() -> None:
     taken: list[Any] = []
     far = Far(lambda channel, message: taken.append(message.message), taken.append)
-    with far.following(Post("base", Direct), [Channel("a/B/c", Pattern.PUBLISH)]):
+    there = Post("base", Direct)
+    with far.following(there, [Channel("a/B/c", Pattern.PUBLISH, [end("a", "a/B/c")])]):
         answers: list[Any] = [{}, {"message": 7}, {"message": ["x/B/c", 1, 0, None, None]}, {"presence": ["a/B/c", 7]}]
         for each in (*answers, {"message": ["a/B/c", 5, 0, None, None]}, {"dropped": 3}):
             far._answer("base", each)

@@ -26,7 +26,7 @@ from ..actions import told as shown_contract
 from ..idsl import declared
 from ..network import Channel, Network, NotUnderstood
 from ..publishing import publish
-from ..tap import Message, tapped
+from ..tap import Lost, Message, tapped
 from .bounds import Bounds, Rate, Refused, fitted
 from .goals import Begin, Goals
 from .permissions import Permissions
@@ -238,16 +238,20 @@ class Requests:
         topics = {name: each for name, each in channels.items() if each.pattern is Pattern.PUBLISH}
         channel = topics[_one(list(topics), arguments, "topic")]
         messages: list[Any] = []
-        with contextlib.closing(tapped([channel], first=limit, whole=limit)) as heard:
+        lost: list[str] = []
+        subscriptions = channel.subscriptions()
+        with contextlib.closing(tapped(subscriptions, first=limit, whole=limit)) as heard:
             for each in heard:
                 if isinstance(each, Message):
-                    messages.append(each.message)
+                    told = {"host": each.host, "message": each.message}
+                    messages.append(told if len(subscriptions) > 1 else each.message)
+                if isinstance(each, Lost):
+                    lost.append(each.why)
                 if len(messages) == count:
                     break
         if not messages:
             raise Unreachable(f"{channel.name}: no message came in {limit:g} s")
-        left_out = {"left out": channel.left_out} if channel.left_out else {}
-        return {"topic": channel.name, "messages": messages, **left_out}
+        return {"topic": channel.name, "messages": messages, **({"lost": lost} if lost else {})}
 
     def _read_parameters(self, arguments: Mapping[str, Any]) -> Any:
         network = self._census()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -82,7 +83,8 @@ class Session:
         each look at the network."""
         self._recorder, self._access, self._census, self._wanted, self._tell = recorder, access, census, wanted, tell
         self._also = also
-        self._followed: dict[tuple[str, int], Followed] = {}
+        self._followed: dict[tuple[str, str, str, int], Followed] = {}
+        """By topic, host, middleware and contract."""
         self._failed: set[tuple[str, str]] = set()
         self._next = 0.0
 
@@ -112,26 +114,38 @@ class Session:
                 self._complain(name, f"nothing publishes `{name}` so far; did you mean `{near}`?")
 
     def _follow(self, channel: Channel) -> None:
+        known: list[Followed] = []
+
+        def is_followed(each: Channel) -> bool:
+            found = self._followed.get(_key(each))
+            known.extend([found] if found else [])
+            return found is not None
+
         try:
-            operation = channel.operation
-            key = (channel.name, operation.fingerprint)
-            if known := self._followed.get(key):
-                listen_again(known.link)
-                return
-            self._followed[key] = self._opened(channel)
+            new = channel.subscriptions(is_followed)
         except NotUnderstood as exc:
             self._complain(channel.name, str(exc))
+            return
+        for followed in known:
+            with self._complaining(channel):
+                listen_again(followed.link)
+        for each in new:
+            with self._complaining(channel):
+                self._followed[_key(each)] = self._opened(each)
+                self._tell(f"{channel.name} {way_of(each)}")
+
+    @contextlib.contextmanager
+    def _complaining(self, channel: Channel) -> Iterator[None]:
+        """Tell of an error, once."""
+        try:
+            yield
         except RobocompError as exc:
             self._complain(channel.name, f"{channel.name}: {exc}")
-            return
-        else:
-            self._tell(f"{channel.name} {way_of(channel)}")
 
     def _opened(self, channel: Channel) -> Followed:
         middleware = channel.middlewares[0]
         publishers = ",".join(dict.fromkeys(each.told.owner for each in channel.providers if each.told.owner))
-        host = channel.via.host if channel.via else ""
-        topic = Topic(channel.name, channel.operation, publishers, middleware, channel.qos, host=host)
+        topic = Topic(channel.name, channel.operation, publishers, middleware, channel.qos, host=channel.host)
         codec = self._access.codec(channel)
         track = self._recorder.track(topic, to_cdr(codec, channel.operation.request))
 
@@ -161,9 +175,12 @@ def listen_again(link: Subscription | None) -> None:
 
 def way_of(channel: Channel) -> str:
     """How a channel is heard, for people."""
-    host = f" of {channel.via.host}" if channel.via else ""
-    others = f"; {channel.left_out}" if channel.left_out else ""
-    return f"over {channel.middlewares[0]}{host}{others}"
+    return f"over {channel.middlewares[0]}{f' of {channel.host}' if channel.via else ''}"
+
+
+def _key(channel: Channel) -> tuple[str, str, str, int]:
+    """Of a subscription. Raises NotUnderstood."""
+    return channel.name, channel.host, channel.middlewares[0], channel.operation.fingerprint
 
 
 def chosen(network: Network, wanted: Sequence[str]) -> list[Channel]:

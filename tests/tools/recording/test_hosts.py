@@ -126,6 +126,27 @@ def test_topics_of_two_hosts_are_in_one_recording(tmp_path: Path, capsys: pytest
         assert recording.topics[CHANNEL].publisher == "talker"
 
 
+@pytest.mark.usefixtures("network")
+def test_publishers_of_one_name_on_two_hosts_are_recorded(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with recorder(folder, "news") as (says, told):
+        wait_until(lambda: f"{CHANNEL} over shm of base" in says())
+        with running(make(Talker, find_transport, "middleware=shm", name="talker")) as here:
+            here.texts = ("here",)
+            wait_until(lambda: says().endswith(f"{CHANNEL} over shm\n"))
+            size = (folder / "run_0.mcap").stat().st_size
+            wait_until(lambda: (folder / "run_0.mcap").stat().st_size > size + 3000)
+    assert {(each["channel"], each["host"], each["lost"]) for each in told["topics"]} == {
+        (CHANNEL, "", 0),
+        (CHANNEL, "base", 0),
+    }
+    assert all(each["messages"] for each in told["topics"])
+    messages = read(folder)[CHANNEL]
+    assert len(messages) == sum(each["messages"] for each in told["topics"])
+    assert {text[:1] for *_, (_, text) in messages} == {"h"}
+    assert "here" in {text for *_, (_, text) in messages}
+
+
 def test_a_host_that_was_lost_is_recorded_again(network: elsewhere.Network, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with recorder(folder, "news") as (says, told):
