@@ -188,14 +188,14 @@ def _mend(options: argparse.Namespace) -> int:
     found = mend(options.recording, options.folder, _writing(options))
     for each in found:
         state = "it was whole" if each.is_whole and not each.damaged else "it had no end"
-        lost = [f"{each.damaged} damaged parts were left out"] if each.damaged else []
+        lost = [f"{_counted(each.damaged, 'damaged part')} left out"] if each.damaged else []
         lost += [f"{size(each.cut)} at its end were cut"] if each.cut else []
         if each.is_whole and each.damaged:
             state = "it was damaged"
         if options.json:
             print(json.dumps(each._asdict(), default=str))
             continue
-        print(f"{each.path}: {each.messages} messages saved; {', '.join([state, *lost])}")
+        print(f"{each.path}: {_counted(each.messages, 'message')} saved; {', '.join([state, *lost])}")
     return FINE if any(each.messages for each in found) else WRONG
 
 
@@ -229,11 +229,16 @@ def _convert(options: argparse.Namespace) -> int:
     with Recording(options.recording) as recording:
         names = _chosen(recording, options.only)
         if options.to == "csv":
-            rows = write_csv(recording, options.folder, names)
+            rows, left_out = write_csv(recording, options.folder, names)
+            for name, number in left_out.items():
+                why = recording.topics[name].problem or "they do not fit its contract"
+                say("rc bag convert", f"{name}: {_counted(number, 'message')} left out: {why}")
             for path, number in rows.items():
                 told = {"path": str(path), "rows": number}
                 print(json.dumps(told) if options.json else f"{path}: {number} rows")
-            return FINE if rows else WRONG
+            if not (rows or left_out):
+                say("rc bag convert", f"{options.recording} has no messages")
+            return FINE if any(rows.values()) else WRONG
         if options.to == "foxglove":
             from ..tools.foxglove import need_foxglove
 
@@ -248,9 +253,10 @@ def _convert(options: argparse.Namespace) -> int:
 
 def _told(options: argparse.Namespace, count: int) -> int:
     if not count:
-        say(f"rc bag {options.does}", f"{options.folder} has no messages: none was in this part of the recording")
+        why = ": none was in this part of the recording" if options.does == "cut" else ""
+        say(f"rc bag {options.does}", f"{options.folder} has no messages{why}")
     told = {"folder": str(options.folder), "messages": count}
-    print(json.dumps(told) if options.json else f"{options.folder}: {count} messages")
+    print(json.dumps(told) if options.json else f"{options.folder}: {_counted(count, 'message')}")
     return FINE if count else WRONG
 
 
@@ -269,3 +275,7 @@ def _chosen(recording: Recording, wanted: list[str] | None) -> list[str] | None:
     from ..tools.recording.reader import named
 
     return [each for name in wanted for each in named(recording, name)] if wanted else None
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -16,6 +16,7 @@ import math
 import re
 import secrets
 import socket
+import sys
 import threading
 import time
 import zlib
@@ -222,7 +223,8 @@ class _Http(ThreadingHTTPServer):
                     each.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        log.exception("a request failed")
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):  # the client has gone
+            log.exception("a request failed")
 
 
 class _Handler(BaseHTTPRequestHandler):

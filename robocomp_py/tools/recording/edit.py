@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import heapq
 import json
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -68,9 +69,12 @@ def _ours(topic: RecordedTopic) -> Topic:
     return Topic(topic.name, topic.operation, topic.publisher, topic.middleware, topic.qos)
 
 
-def write_csv(recording: Recording, folder: Path, names: Collection[str] | None) -> dict[Path, int]:
-    """A table for each topic, with a row for each message; returns the number of rows. Messages that cannot be decoded
-    are left out.
+def write_csv(
+    recording: Recording, folder: Path, names: Collection[str] | None
+) -> tuple[dict[Path, int], dict[str, int]]:
+    """A table for each topic, with a row for each message. Messages that cannot be decoded are left out.
+
+    Returns the number of rows of each table, and for each topic the number of messages that were left out.
 
     Members of structs have columns of their own; sequences and dictionaries are JSON. Raises RecordingError and
     ConfigurationError.
@@ -83,7 +87,7 @@ def write_csv(recording: Recording, folder: Path, names: Collection[str] | None)
         raise RecordingError(f"{folder}: {exc.strerror or exc}") from exc
     finally:
         tables.close()
-    return tables.rows
+    return tables.rows, tables.left_out
 
 
 class _Tables:
@@ -97,10 +101,12 @@ class _Tables:
         self._folder = folder
         self._open: dict[str, tuple[IO[str], Any, Decoder]] = {}
         self.rows: dict[Path, int] = {}
+        self.left_out: Counter[str] = Counter()
 
     def add(self, message: Recorded) -> None:
         topic = message.topic
         if topic.operation is None:
+            self.left_out[topic.name] += 1
             return
         if topic.name not in self._open:
             path = self._folder / f"{topic.name.replace('/', '.')}.csv"
@@ -113,6 +119,7 @@ class _Tables:
         try:
             shown = values.show_fields(topic.operation.inputs, decode(message.data))
         except DecodeError:
+            self.left_out[topic.name] += 1
             return
         table.writerow([*message[:3], *_cells(topic.operation.inputs, shown)])
         self.rows[Path(to.name)] += 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import socket
+import struct
 import threading
 import zlib
 from collections.abc import Iterator
@@ -285,6 +286,19 @@ def test_a_reader_that_takes_nothing_is_ended(board: Board, monkeypatch: pytest.
         assert board.wait_reader(SOON)
         board.show({}, "x" * 50_000_000)
         wait_until(lambda: not board.wait_reader(0.0))
+
+
+def test_nothing_is_logged_of_a_client_that_goes_before_its_answer(
+    board: Board, caplog: pytest.LogCaptureFixture
+) -> None:
+    at_once = struct.pack("ii", 1, 0)
+    with Server(board) as server:
+        for request in (b"BREW / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nHost"):
+            with socket.create_connection(("127.0.0.1", server.port), SOON) as client:
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, at_once)
+                client.sendall(request)
+        assert asked(server).status == 200
+    assert not caplog.records
 
 
 def test_closing_ends_all_connections_and_threads(board: Board) -> None:

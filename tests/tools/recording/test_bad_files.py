@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
+from robocomp_py.cli import rc
 from robocomp_py.tools.recording.bag import Attached, BagWriter, Note, Options, RecordingError
 from robocomp_py.tools.recording.mend import mend
 from robocomp_py.tools.recording.reader import Recording
@@ -144,6 +145,22 @@ def test_what_cannot_be_decoded_is_told_and_copied(
     with Recording(tmp_path / "saved") as recording:
         (topic,) = recording.topics.values()
         assert (topic.in_file, topic.encoding, found.messages) == ("/b", encoding, 1)
+
+
+def test_what_cannot_be_a_row_of_a_table_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = foreign(tmp_path / "b.mcap", "protobuf", {})
+    assert rc.main(["bag", "convert", str(path), "--to", "csv", "-o", str(tmp_path / "tables")]) == 1
+    told = "rc bag convert: b: 1 message left out: its messages are protobuf, not cdr\n"
+    assert capsys.readouterr() == ("", told)
+
+
+def test_a_recording_without_messages_makes_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with open(tmp_path / "b.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert rc.main(["bag", "convert", str(tmp_path / "b.mcap"), "--to", "csv", "-o", str(tmp_path / "tables")]) == 1
+    assert capsys.readouterr() == ("", f"rc bag convert: {tmp_path / 'b.mcap'} has no messages\n")
 
 
 @pytest.mark.parametrize("words", [("mend",), ("cut",), ("merge",), ("convert", "--to", "ros2msg")])
