@@ -291,7 +291,7 @@ def arguments_of(words: list[str], inputs: Sequence[Field]) -> Any:
     if len(words) == 1 and words[0].startswith("@"):
         path = Path(words[0][1:])
         try:
-            return _loaded(path.read_text(encoding="utf-8"), str(path))
+            return _loaded(path.read_bytes(), str(path))
         except OSError as exc:
             raise ValueError(f"{path}: {exc.strerror}") from exc
     if len(words) == 1 and words[0].lstrip().startswith("{"):
@@ -325,12 +325,14 @@ def _value(text: str) -> Any:
     """JSON, or text as it is."""
     try:
         return json.loads(text, parse_constant=str)  # NaN stays a text, which `wire.json` understands
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 
-def _loaded(text: str, what: str) -> Any:
+def _loaded(text: str | bytes, what: str) -> Any:
     try:
         return json.loads(text, parse_constant=str)
+    except RecursionError as exc:
+        raise ValueError(f"{what} is nested too deep") from exc
     except ValueError as exc:
         raise ValueError(f"{what} is no JSON: {exc}") from exc

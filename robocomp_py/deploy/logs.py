@@ -216,7 +216,7 @@ def logged_names(folder: Path, names: Collection[str] = ()) -> list[str]:
 def _read(name: str, written: str) -> Line:
     """A line of a file. A line of another program has no time and counts as the oldest."""
     if written.startswith("{"):
-        with contextlib.suppress(ValueError, KeyError, TypeError):
+        with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
             facts = json.loads(written)
             level, text = str(facts["level"]).upper(), str(facts["text"])
             at = _seconds(str(facts["time"]))

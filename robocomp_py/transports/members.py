@@ -64,7 +64,11 @@ class Found(NamedTuple):
 
 def member_in(raw: bytes, name: str) -> Member:
     """The member that a file describes. Raises ValueError, TypeError or KeyError."""
-    return member_of(json.loads(raw), name)
+    try:
+        record = json.loads(raw)
+    except RecursionError as exc:
+        raise ValueError(f"the record of {name} is nested too deep") from exc
+    return member_of(record, name)
 
 
 def member_of(record: Any, member_id: str) -> Member:

@@ -132,7 +132,7 @@ def test_leaving_removes_everything(directory: Directory, tmp_path: Path) -> Non
 def test_files_of_other_versions_are_ignored(directory: Directory, tmp_path: Path) -> None:
     place = tmp_path / "transport" / "by" / "a.b"
     place.mkdir(parents=True)
-    for name, text in (("1-a", "{}"), ("2-b", "half")):
+    for name, text in (("1-a", "{}"), ("2-b", "half"), ("3-c", "[" * 100_000)):
         (tmp_path / "transport" / f"{name}.json").write_text(text)
         (place / name).symlink_to(f"../../{name}.json")
     assert directory.find("serves", "a/b/c") == []

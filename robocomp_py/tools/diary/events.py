@@ -209,7 +209,7 @@ class DiaryReader(Closing):
                 yield event
             else:
                 return
-        except ValueError:
+        except (ValueError, RecursionError):
             pass
         raise RecordingError(f"{self.path}: an event of this diary is not understood")
 

@@ -94,7 +94,7 @@ def qos_of(metadata: Mapping[str, str]) -> QoS:
             Liveliness.MANUAL_BY_TOPIC if found["liveliness"] == 3 else Liveliness.AUTOMATIC,
             _seconds(found["liveliness_lease_duration"]),
         )
-    except (KeyError, ValueError, TypeError):
+    except (KeyError, ValueError, TypeError, RecursionError):
         return DEFAULT_QOS
 
 

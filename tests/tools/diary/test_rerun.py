@@ -288,6 +288,18 @@ def test_a_diary_of_another_component_is_told(tmp_path: Path) -> None:
         again(Station, path)
 
 
+@pytest.mark.parametrize("page", [b"half", b"{}\n", b"[" * 9000 + b"\n"])
+def test_a_page_of_a_diary_that_is_not_understood_is_told(page: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.mcap"
+    with path.open("wb") as file:
+        wrong = Writer(file)
+        wrong.start()
+        wrong.add_message(wrong.register_channel("/diary", "json", 0), 1, page, 1)
+        wrong.finish()  # type: ignore[no-untyped-call]  # the library's
+    with pytest.raises(RecordingError, match="an event of this diary is not understood"):
+        again(Thinker, path)
+
+
 def test_a_diary_of_another_format_is_told(tmp_path: Path) -> None:
     path = tmp_path / "old.mcap"
     with path.open("wb") as file:

@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from robocomp_py.contract.interface import Operation
-from robocomp_py.contract.qos import Durability, QoS, Reliability
+from robocomp_py.contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
 from robocomp_py.contract.types import INT32, STRING, UINT8, Dictionary, Field, Sequence
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.testing.patience import wait_until
@@ -124,6 +124,11 @@ def test_a_folder_that_is_in_use_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("qos", [QoS(), LATCHED, QoS(deadline=0.1, depth=1, lease=2.0)])
 def test_the_qos_of_a_topic_is_kept(qos: QoS) -> None:
     assert qos_of(Topic("a/B/c", NEWS, qos=qos).metadata) == qos
+
+
+@pytest.mark.parametrize("text", ["", "half", "{}", "[]", "[1]", '[{"reliability": 1}]', "[" * 9000])
+def test_a_qos_that_is_not_understood_is_the_default(text: str) -> None:
+    assert qos_of({"offered_qos_profiles": text}) == DEFAULT_QOS == qos_of({})
 
 
 # While messages arrive.
