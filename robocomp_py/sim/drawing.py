@@ -34,6 +34,9 @@ _SLOPE = np.float32(FARTHEST * NEAREST / (FARTHEST - NEAREST))
 _OFFSET = np.float32(NEAREST / (FARTHEST - NEAREST))
 """A distance is slope / (value in OpenGL + offset): OpenGL has 1 for the nearest and 0 for the farthest."""
 
+_HIDDEN = 5
+"""A group of geoms that MuJoCo does not draw."""
+
 _EGL, _OSMESA = "egl", "osmesa"
 
 
@@ -102,6 +105,7 @@ class Easel:
             model.tex_data[begin : begin + pixels.size] = pixels.ravel()
             mujoco.mjr_uploadTexture(model, self._pen, number)
         self._camera.fixedcamid = order.camera
+        model.geom_group[:] = np.where(self._in_sight(order), 0, _HIDDEN)
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(model, self._data, self._options, None, self._camera, every, self._seen)
         where = mujoco.MjrRect(0, 0, order.width, order.height)
@@ -109,11 +113,25 @@ class Easel:
         drawn, values = self._sheet(order.height, order.width)
         mujoco.mjr_readPixels(drawn, values, where, self._pen)
         colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
-        empty = values == 0.0
-        np.add(values, _OFFSET, out=values)
-        np.divide(_SLOPE, values, out=values)
-        values[empty] = np.nan
-        depths[:] = values[::-1]
+        values = values[::-1]
+        np.add(values, _OFFSET, out=depths)
+        np.divide(_SLOPE, depths, out=depths)
+        np.copyto(depths, np.float32(np.nan), where=values == 0.0)
+
+    def _in_sight(self, order: Order) -> NDArray[np.bool_]:
+        """Which geoms a camera may see, shape (number of geoms,): OpenGL would transform all the others for nothing.
+
+        A geom is in sight if the sphere around it is not wholly beyond one of the sides of the picture.
+        """
+        model, data, camera = self._model, self._data, order.camera
+        right, up, back = ((data.geom_xpos - data.cam_xpos[camera]) @ data.cam_xmat[camera].reshape(3, 3)).T
+        reach = model.geom_rbound * 1.001 + 0.001
+        steep = np.tan(np.radians(model.cam_fovy[camera]) / 2)
+        wide = steep * order.width / order.height
+        found: NDArray[np.bool_] = reach > back
+        found &= np.abs(right) + wide * back < reach * np.hypot(1.0, wide)
+        found &= np.abs(up) + steep * back < reach * np.hypot(1.0, steep)
+        return found
 
     def _sheet(self, height: int, width: int) -> tuple[Pixels, Depths]:
         """What OpenGL writes to. It is used again: new memory would take time for each picture."""

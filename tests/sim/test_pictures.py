@@ -6,15 +6,19 @@ import hashlib
 import logging
 import math
 import os
+import random
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.innermodel import axes
+from robocomp_py.innermodel.axes import Array
 from robocomp_py.innermodel.pictures import Pixels
 from robocomp_py.innermodel.read import InnerModelError
 from robocomp_py.innermodel.tree import Tree
@@ -102,6 +106,61 @@ def test_every_pixel_is_as_far_along_z_as_geometry_says(
         wanted = np.where(depth > 0, np.minimum(wanted, depth), wanted)
     seen = renderer.picture(room.view(), "eye").depths
     assert np.abs(seen * 1000 - wanted).max() < 1.0
+
+
+WEDGE = "v 0 0 0\nv 100 0 0\nv 0 200 0\nv 0 0 300\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+CROWD = """\
+<innerModel>
+  <transform id="world">
+    <differentialrobot id="base">
+      <rgbd id="wide" width="40" height="30" focal="12"/><rgbd id="narrow" width="16" height="50" focal="40"/>
+    </differentialrobot>
+    {things}
+  </transform>
+</innerModel>
+"""
+
+
+@tool
+def test_all_that_is_in_sight_is_drawn_wherever_a_camera_looks(tmp_path: Path, renderer: Renderer) -> None:
+    """Shapes on all sides, some of them so long that their middles are out of sight, against rays of MuJoCo."""
+    chosen, things = random.Random(3), []
+    (tmp_path / "wedge.obj").write_text(WEDGE)
+    for number in range(90):
+        x, y, z = (chosen.uniform(-4000, 4000) for _ in range(3))
+        turn = " ".join(f'r{axis}="{chosen.uniform(-3, 3)}"' for axis in "xyz")
+        size = ",".join(f"{chosen.choice((150, 400, 9000 * (number % 9 == 0) + 150))}" for _ in range(3))
+        shape = f'<plane id="box{number}" size="{size}"/>'
+        if number % 5 == 0:
+            shape = f'<mesh id="mesh{number}" file="wedge.obj" scale="{chosen.uniform(2, 6)}"/>'
+        if math.hypot(x, y, z) > 900:
+            things.append(f'<transform id="at{number}" tx="{x}" ty="{y}" tz="{z}" {turn}>{shape}</transform>')
+    room = world(tmp_path, CROWD.format(things="".join(things)))
+    for _ in range(8):
+        room.drive("base", turn=0.8)
+        room.step(200)
+        for camera in ("wide", "narrow"):
+            seen, cast = renderer.picture(room.view(), camera).depths, depths_by_rays(room, camera)
+            assert np.array_equal(np.isnan(seen), np.isnan(cast))
+            assert np.nanmax(np.abs(seen - cast)) < 1e-3
+
+
+def depths_by_rays(room: World, camera: str) -> Array:
+    """What a ray through the middle of each pixel hits, m."""
+    view, lens, pose = room.view(), room.lens(camera), room.matrix(camera)
+    model, data = view.scene.model, mujoco.MjData(view.scene.model)
+    data.qpos[:] = view.positions
+    mujoco.mj_kinematics(model, data)
+    columns, rows = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+    ahead = np.ones_like(rows)
+    rays = np.stack(((columns - lens.width / 2) / lens.focal, (lens.height / 2 - rows) / lens.focal, ahead), axis=-1)
+    lengths = np.linalg.norm(rays, axis=-1)
+    along = axes.position_to_simulation((rays / lengths[..., None]).reshape(-1, 3) @ pose[:3, :3].T) * 1000
+    found, hit = np.empty(along.shape[0]), np.empty(along.shape[0], np.int32)
+    start, count = axes.position_to_simulation(pose[:3, 3]), len(along)
+    mujoco.mj_multiRay(model, data, start, along.ravel(), None, True, -1, hit, found, None, count, 1000.0)
+    made: Array = np.where(hit < 0, np.nan, found).reshape(rows.shape) / lengths
+    return made
 
 
 @tool

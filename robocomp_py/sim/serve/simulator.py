@@ -120,7 +120,7 @@ class Simulator(Controlled, Managed):
         self._motors, found = motors(self._tree), offers(self._tree, self.world.lidars)
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
-            for name in set(instances) - set(names):
+            for name in sorted(set(instances) - set(names)):
                 self._withdraw(port, name)
                 instances.remove(name)
             for name in names:
