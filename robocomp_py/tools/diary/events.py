@@ -28,8 +28,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...closing import Closing
-from ..recording.bag import CHUNK, RecordingError
-from ..recording.formats import compression, need_mcap
+from ..recording.bag import RecordingError
+from ..recording.chunks import McapFile
+from ..recording.formats import need_mcap
 from ..recording.reader import Recording
 
 CHANNEL = "/diary"
@@ -57,8 +58,6 @@ class DiaryWriter:
         """A file that is there already is kept: the new one gets a number. Raises RecordingError, and
         ConfigurationError if the library is missing."""
         need_mcap()
-        from mcap.writer import Writer
-
         self.error: RecordingError | None = None
         self._lock = threading.Lock()
         self._now, self._begun, self._unix, self._last = now, now(), time.time_ns(), -1
@@ -66,9 +65,9 @@ class DiaryWriter:
         self._flushed = self._begun
         self._file: IO[bytes] | None
         self.path, self._file = _created(path)
-        self._writer = Writer(self._file, chunk_size=CHUNK, compression=compression("none"))
-        self._writer.start(library="robocomp_py")
-        self._channel = self._writer.register_channel(CHANNEL, "jsonl", 0, {"diary": FORMAT})
+        self._writer = McapFile(self._file.fileno())
+        self._writer.start("", "robocomp_py")
+        self._channel = self._writer.add_channel(CHANNEL, "jsonl", 0, {"diary": FORMAT})
         self._page, self._began = bytearray(), 0
         self._heads: dict[tuple[str, str], bytes] = {}
 
@@ -106,7 +105,7 @@ class DiaryWriter:
             if self._file is None:
                 return
             try:
-                self._writer.finish()  # type: ignore[no-untyped-call]  # the library's
+                self._writer.finish()
                 self._file.close()
                 self._file = None
             except OSError as exc:
@@ -125,10 +124,10 @@ class DiaryWriter:
         at, self._began = self._unix + self._began, self._last + 1
         try:
             if page:
-                self._writer.add_message(self._channel, at, page, at)  # type: ignore[arg-type]  # it takes any buffer
+                self._writer.add_message(self._channel, at, page, at, 0)
             if now - self._flushed >= FLUSH:
                 self._flushed = now
-                self._writer.flush()  # type: ignore[no-untyped-call]  # the library's
+                self._writer.flush()
         except OSError as exc:
             self._fail(exc)
 
@@ -145,7 +144,7 @@ def _created(path: Path) -> tuple[Path, IO[bytes]]:
     while True:
         free = path.with_name(f"{path.stem}_{number}{path.suffix}") if number else path
         try:
-            return free, open(free, "xb")
+            return free, open(free, "xb", buffering=0)
         except FileExistsError:
             number += 1
         except OSError as exc:

@@ -9,21 +9,14 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from ... import __version__
 from ...errors import ConfigurationError, RobocompError
 from . import layout
-from .formats import compression, need_mcap
+from .chunks import McapFile
+from .formats import need_mcap
 from .layout import Described, Span, Topic
-
-if TYPE_CHECKING:
-    from mcap.writer import Writer
-
-CHUNK = 1024 * 1024
-"""Octets of a chunk, before compression. A reader of a broken file gets whole chunks."""
-
-_BUFFER = 1024 * 1024
 
 METADATA = "metadata.yaml"
 
@@ -88,7 +81,6 @@ class BagWriter:
         """Raises ConfigurationError if the folder is there and not empty, and RecordingError."""
         need_mcap()
         self.folder, self._options, self._clock = folder, options, clock
-        self._compression = compression(options.compress)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if any(folder.iterdir()):
@@ -99,7 +91,7 @@ class BagWriter:
         self._ids: dict[int, int] = {}
         """In the present file, by topic."""
         self._file: IO[bytes] | None = None
-        self._writer: Writer | None = None
+        self._writer: McapFile | None = None
         self._number = 0
         self._done: deque[Span] = deque()
         self._octets = 0
@@ -111,7 +103,7 @@ class BagWriter:
     @property
     def octets(self) -> int:
         """Written so far, in all files."""
-        return self._octets + (self._file.tell() if self._file else 0)
+        return self._octets + (self._writer.octets if self._writer else 0)
 
     def add(self, topic: Topic | Foreign) -> int:
         """A further topic; the number is what `write` takes."""
@@ -119,8 +111,8 @@ class BagWriter:
         return len(self._topics) - 1
 
     def write(self, topic: int, data: Any, log_time: int, publish_time: int, sequence: int) -> None:
-        """Append a message. `data` is CDR; times are in ns since 1970; MCAP has none before. Raises
-        RecordingError."""
+        """Append a message. `data` is CDR, and may not change until the next `flush`; times are in ns since 1970; MCAP
+        has none before. Raises RecordingError."""
         if self._is_full():
             self._finish()
             self._open()
@@ -133,7 +125,7 @@ class BagWriter:
             octets = data if isinstance(data, bytes) else memoryview(data).cast("B")
             number = self._ids[topic]
             log_time, publish_time = max(0, log_time), max(0, publish_time)
-            writer.add_message(number, log_time, octets, publish_time, sequence & 0xFFFFFFFF)  # type: ignore[arg-type]
+            writer.add_message(number, log_time, octets, publish_time, sequence & 0xFFFFFFFF)
         if not self._counts:
             self._start = self._end = log_time
         self._counts[name] += 1
@@ -154,7 +146,7 @@ class BagWriter:
         """Give all to the operating system. Raises RecordingError, also if the file is no longer in its folder."""
         if self._writer and self._file:
             with self._errors():
-                self._writer.flush()  # type: ignore[no-untyped-call]  # the library's
+                self._writer.flush()
                 path = self._path(self._number)
                 if os.stat(path).st_ino != os.fstat(self._file.fileno()).st_ino:
                     raise FileNotFoundError(0, "it was replaced", str(path))
@@ -175,14 +167,13 @@ class BagWriter:
         file, self._file, self._writer = self._file, None, None
         if file and not file.closed:  # it is closed if the disk was full when it was
             self._octets += _position(file)
-            with contextlib.suppress(OSError):  # what is still in its buffer is lost, as was said
-                file.close()
+            file.close()
 
     def _is_full(self) -> bool:
         limit, age = self._options.split_octets, self._options.split_seconds
-        if not self._counts or self._file is None:
+        if not self._counts or self._writer is None:
             return False
-        if limit is not None and self._file.tell() >= limit:
+        if limit is not None and self._writer.octets >= limit:
             return True
         return age is not None and self._clock() - self._opened >= age
 
@@ -190,33 +181,30 @@ class BagWriter:
         return self.folder / f"{self.folder.resolve().name}_{number}.mcap"
 
     def _open(self) -> None:
-        from mcap.writer import Writer
-
         with self._errors():
-            self._file = open(self._path(self._number), "xb", buffering=_BUFFER)  # noqa: SIM115 - until it is full
+            self._file = open(self._path(self._number), "xb", buffering=0)  # noqa: SIM115 - until it is full
             self._opened = self._clock()
             self._ids, self._counts = {}, Counter()
-            self._writer = Writer(self._file, chunk_size=CHUNK, compression=self._compression)
+            self._writer = McapFile(self._file.fileno(), self._options.compress)
             self._writer.start(profile=layout.PROFILE, library=f"robocomp_py {__version__}")
-            self._file.flush()
 
     def _register(self, topic: Topic | Foreign) -> int:
         assert self._writer
         if isinstance(topic, Foreign):
             schema = 0
             if topic.schema_encoding:
-                schema = self._writer.register_schema(topic.type, topic.schema_encoding, topic.text)
-            return self._writer.register_channel(topic.in_file, topic.encoding, schema, topic.metadata)
+                schema = self._writer.add_schema(topic.type, topic.schema_encoding, topic.text)
+            return self._writer.add_channel(topic.in_file, topic.encoding, schema, topic.metadata)
         told = topic.schema(self._options.schema)
-        schema = self._writer.register_schema(told.name, told.encoding, told.text.encode())
-        return self._writer.register_channel(topic.in_file, layout.ENCODING, schema, topic.metadata)
+        schema = self._writer.add_schema(told.name, told.encoding, told.text.encode())
+        return self._writer.add_channel(topic.in_file, layout.ENCODING, schema, topic.metadata)
 
     def _finish(self) -> None:
         if self._writer is None or self._file is None:
             return
         with self._errors():
-            self._writer.finish()  # type: ignore[no-untyped-call]  # the library's
-            self._octets += self._file.tell()
+            self._writer.finish()
+            self._octets += self._writer.octets
             self._file.close()
         self._file, self._writer = None, None
         self._done.append(Span(self._path(self._number).name, self._start, self._end, dict(self._counts)))
