@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from collections.abc import Callable, Generator, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
 from ..contract.component import Port
 from ..contract.interface import Verb
 from ..errors import Closed, ComponentError, RobocompError, Timeout
 from ..runtime.clock import NEVER
-from ..threads import NO_THREAD, start_thread
+from ..threads import NO_THREAD
 from ..wire import names
 from .balance import Balance, State
-from .line import Asked, Line, connect
+from .helm import ANY_CORE, Alarm, Helm, present_core
+from .line import Line, connect
 from .links import Reaches, Seated
 from .pace import Pace
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
@@ -24,6 +26,7 @@ from .RoboCompLockstep import (
     LOCKSTEPLEADER_INTERFACE,
     Counter,
     LockstepFollowerProxy,
+    Report,
 )
 
 if TYPE_CHECKING:
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.clock")
 
 _T = TypeVar("_T")
+
+Course: TypeAlias = Generator[bool, None, _T]
 
 _DEADLINE = 2.0
 """Longest duration of one question in seconds."""
@@ -57,59 +62,97 @@ _LOOKS = 3
 _UNKNOWN = State(NEVER, True, -1, ())
 """A state from which all others differ, so that a component does not wait for a change."""
 
-_STUCK = 5.0
-"""Seconds that closing waits for the thread."""
+_MOVES = 1000
+"""Instants after which the leader looks on which core its loop runs: the system may have moved it."""
 
 
-class _Asked(Asked, Protocol):
+class _Asked(Protocol):
+    """Is asked a question by `step` or `look`; then `answer` is called, until it returns the state."""
+
+    def step(self, now: int) -> None: ...
+
+    def look(self, last: State) -> None: ...
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        """None if it takes longer, or if the thread of `asking`, a loop that waits for the clock, is due."""
+        ...
+
     def counters(self) -> Sequence[Counter]: ...
 
 
+class _Near:
+    """The component that leads. Its loop may ask it itself."""
+
+    def __init__(self, member: Seated) -> None:
+        self._member = member
+        self._now: int | None = None
+        self._last = _UNKNOWN
+        self.counters = member.counters
+
+    def step(self, now: int) -> None:
+        self._now = now
+
+    def look(self, last: State) -> None:
+        self._now, self._last = None, last
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        if self._now is None:
+            return self._member.watch(self._last, asking)
+        return self._member.work(self._now, asking)
+
+
 class _Far:
-    """A follower in another process. It is asked over its socket; without a socket, by queries."""
+    """A follower in another process without a socket. It is asked by queries."""
 
-    def __init__(self, proxy: LockstepFollowerProxy, close: Callable[[], None]) -> None:
-        """`close` closes the proxy."""
-        self._proxy, self._close = proxy, close
-        self.step, self.look = self._step, self._look
-        self._line = self._connected()
-        if self._line:
-            self.step, self.look = self._line.step, self._line.look
+    def __init__(self, proxy: LockstepFollowerProxy) -> None:
+        self._proxy = proxy
+        self._question: Callable[[], Report] = Report
 
-    def close(self) -> None:
-        """Close what connects the leader with it."""
-        self.hang_up()
-        self._close()
+    def step(self, now: int) -> None:
+        self._question = partial(self._proxy.step, now, deadline=_DEADLINE)
 
-    def hang_up(self) -> None:
-        """Close its socket. Its proxy ends with those of the component."""
-        if self._line:
-            self._line.close()
+    def look(self, last: State) -> None:
+        self._question = partial(self._proxy.look, last.report(), deadline=_DEADLINE)
 
-    def _connected(self) -> Line | None:
-        try:
-            address = self._proxy.line(deadline=_DEADLINE)
-        except RobocompError as exc:
-            log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
-            return None
-        return connect(address, _DEADLINE) if address else None
+    def answer(self, asking: Alarm | None) -> State | None:
+        return State.of(self._question())
 
-    def _step(self, now: int) -> State:
-        return State.of(self._proxy.step(now, deadline=_DEADLINE))
-
-    def _look(self, last: State) -> State:
-        return State.of(self._proxy.look(last.report(), deadline=_DEADLINE))
-
-    def counters(self) -> list[Counter]:
+    def counters(self) -> Sequence[Counter]:
         return self._proxy.counters(deadline=_DEADLINE)
+
+
+class _OnLine:
+    """A follower that is asked over its socket."""
+
+    def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
+        self._proxy, self.line = proxy, line
+        self.step, self.look = line.step, line.look
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        return self.line.answer()
+
+    def counters(self) -> Sequence[Counter]:
+        return self._proxy.counters(deadline=_DEADLINE)
+
+
+def _reached(proxy: LockstepFollowerProxy) -> _OnLine | _Far:
+    try:
+        address = proxy.line(deadline=_DEADLINE)
+    except RobocompError as exc:
+        log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
+        address = ""
+    line = connect(address, _DEADLINE) if address else None
+    return _OnLine(proxy, line) if line else _Far(proxy)
 
 
 class _Seat:
     """One component that takes part, and its latest state."""
 
     def __init__(self, name: str, asked: _Asked, close: Callable[[], None] = lambda: None) -> None:
-        """`close` ends the connection with it."""
-        self.name, self.asked, self.close = name, asked, close
+        """`close` ends the links with it."""
+        self.name, self.asked, self._close = name, asked, close
+        self.is_near = isinstance(asked, _Near)
+        self.line = asked.line if isinstance(asked, _OnLine) else None
         self.state = State(NEVER, True, 0, ())
         self.version = -1
         """That of its counters."""
@@ -117,12 +160,30 @@ class _Seat:
         self.silent = 0
         """Number of questions that it did not answer in time."""
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether a question takes so little that the loop may ask it."""
+        return self.is_near or self.line is not None
+
+    def close(self) -> None:
+        """Close what connects the leader with it."""
+        self.hang_up()
+        self._close()
+
+    def hang_up(self) -> None:
+        """Close its socket. Its links end with those of the component."""
+        if self.line:
+            self.line.close()
+
 
 class Leader:
     """The leader of a clock. `open`, `begin` when its component is about to be ready, `close`.
 
-    Its thread asks one component at a time: its own, then the others in the order of the network. It goes on to the
-    next instant when all threads of all components wait, and all that they sent was handled.
+    It asks one component at a time: its own, then the others in the order of the network. It goes on to the next
+    instant when all threads of all components wait, and all that they sent was handled.
+
+    Its course is a generator, so that the loop of its component may lead while it waits: it yields where another thread
+    may go on with it, and yields True if that loop is due.
     """
 
     def __init__(self, settings: Settings, member: Seated, fail: Callable[[str], None]) -> None:
@@ -135,6 +196,8 @@ class Leader:
         self._pace = Pace(self._clock.speed)
         self._now = 0
         self._seats: list[_Seat] = []
+        self._are_quick = False
+        """Whether questions to all of them take little."""
         self._balance = Balance({})
         self._is_outdated = False
         """Whether a call was made whose handler may have sent something that is not known yet."""
@@ -147,9 +210,15 @@ class Leader:
         self._leaving: set[str] = set()
         self._news = threading.Event()
         self._closing = threading.Event()
-        self._thread: threading.Thread | None = None
         self._lost_on: set[str] = set()
         """The channels of lost messages that were reported."""
+        self._course = self._lead()
+        self._asking: Alarm | None = None
+        """That of the loop, while it leads."""
+        self.is_for_loop = False
+        """Whether nothing takes long now: no pause, no one who joins."""
+        self._core, self._instants = ANY_CORE, 0
+        self.helm = Helm(f"{member.instance[1:]}-leader", self)
 
     def open(self, connections: Reaches) -> None:
         self._connections = connections
@@ -158,19 +227,16 @@ class Leader:
 
     def begin(self) -> None:
         """Start to move the clocks, once all followers are there."""
-        self._thread = threading.Thread(target=self._run, name=f"{self._member.instance[1:]}-leader", daemon=True)
-        if not start_thread(self._thread):
+        if not self.helm.begin():
             raise ComponentError(f"the clock cannot be led: {NO_THREAD}")
 
     def close(self) -> None:
         self._closing.set()
         self._pace.close()
         self._news.set()
-        if self._thread and self._thread.ident:
-            self._thread.join(_STUCK)
+        self.helm.close()
         for each in self._seats:
-            if isinstance(each.asked, _Far):
-                each.asked.hang_up()
+            each.hang_up()
 
     # What followers ask.
 
@@ -209,28 +275,71 @@ class Leader:
     def ClockControl_setSpeed(self, speed: float) -> None:
         self._pace.set_speed(speed)
 
+    # For the helm.
+
+    @property
+    def core(self) -> int:
+        """The one on which the loop runs, when it is asked for on its thread."""
+        self._instants -= 1
+        if self._instants < 0:
+            self._instants = _MOVES
+            self._wait_on(present_core())
+        return self._core
+
+    def _wait_on(self, core: int) -> None:
+        self._core = core
+        for each in self._seats:
+            if each.line:
+                each.line.core = core
+
+    def serve(self, by: Alarm, timeout: float, *, is_loop: bool) -> bool:
+        self._asking = by if is_loop else None
+        if not is_loop:
+            self._instants = 0
+            self._wait_on(ANY_CORE)
+        for is_due in self._course:
+            if is_due:
+                return True
+            if by.is_set() or (is_loop and not self.is_for_loop):
+                return by.is_set()
+        return by.wait(timeout)  # the clock stands still for ever
+
     # The clock.
 
-    def _run(self) -> None:
+    def _lead(self) -> Course[None]:
         try:
             self._gather()
             with self._lock:
                 self._now = max([self._now, *self._joining.values()])  # from which the clock goes on
-            self._seat_all([_Seat(self._member.instance, self._member)])
+            yield from self._seat_all([_Seat(self._member.instance, _Near(self._member))])
             self._pace.begin(self._now)
             while not self._closing.is_set():
-                self._admit()
-                instant = self._pace.wait(max(self._now, min(each.state.due for each in self._seats)))
-                if instant is not None:
-                    self._tick(instant)
-                elif not self._closing.is_set():
-                    self._look(self._seats, _UNKNOWN)
-                    self._is_level = False
+                yield from self._go_on()
         except Closed:
             return
         except Exception as exc:  # the component must not live on with a clock that stands still
             log.exception("the clock stopped")
             self._fail(f"the clock stopped: {exc}")
+        finally:
+            self.is_for_loop = False
+
+    def _go_on(self) -> Course[None]:
+        """To the next instant, if it is time."""
+        due = max(self._now, min(each.state.due for each in self._seats))
+        is_same = not self._joining and not self._leaving
+        self.is_for_loop = is_same and due != NEVER and self._pace.is_unbound and self._are_quick
+        yield False
+        while self._asking and not self.is_for_loop:
+            yield False  # what follows may take long
+        if not is_same:
+            yield from self._admit()
+            return
+        instant = self._pace.wait(due)
+        if instant is not None:
+            yield from self._tick(instant)
+        elif not self._closing.is_set():
+            yield from self._look(self._seats, _UNKNOWN)
+            self._is_level = False
 
     def _gather(self) -> None:
         """Wait for the followers that the network names."""
@@ -251,10 +360,8 @@ class Leader:
             self._news.wait(_IDLE)
             self._news.clear()
 
-    def _admit(self) -> None:
+    def _admit(self) -> Course[None]:
         """Let those take part that want to join, and no longer those that left."""
-        if not self._joining and not self._leaving:
-            return
         with self._lock:
             joining, self._joining = self._joining, {}
             leaving, self._leaving = self._leaving, set()
@@ -266,37 +373,38 @@ class Leader:
         port = Port(Verb.REQUIRES, LOCKSTEPFOLLOWER_INTERFACE, proxy=LockstepFollowerProxy)
         for name, now in joining.items():
             self._now = max(self._now, now)
-            follower = _Far(*self._connections.reach(port, name))
-            kept.append(_Seat(name, follower, follower.close))
-        self._seat_all(kept)
+            proxy, close = self._connections.reach(port, name)
+            kept.append(_Seat(name, _reached(proxy), close))
+        yield from self._seat_all(kept)
 
-    def _seat_all(self, seats: Sequence[_Seat]) -> None:
+    def _seat_all(self, seats: Sequence[_Seat]) -> Course[None]:
         """Go on with these components, all at the present instant."""
         last = len(self._order)
         with self._lock:
             self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
+        self._are_quick, self._instants = all(each.is_quick for each in self._seats), 0
         for each in list(self._seats):
-            self._ask(each, each.asked.step, self._now)
+            yield from self._ask(each, each.asked.step, self._now)
         self._count_anew()
-        self._settle()
+        yield from self._settle()
 
-    def _tick(self, instant: int) -> None:
+    def _tick(self, instant: int) -> Course[None]:
         self._now = instant
         seats = list(self._seats)
         if not self._is_level:
             self._is_level = True
-            self._settle()
+            yield from self._settle()
         for each in seats:
             if each.state.due > instant:
-                self._ask(each, each.asked.step, instant)  # so that its handlers see the time
+                yield from self._ask(each, each.asked.step, instant)  # so that its handlers see the time
         for each in seats:
             if each.state.due <= instant and each in self._seats:
                 before = each.state
-                self._ask(each, each.asked.step, instant)
+                yield from self._ask(each, each.asked.step, instant)
                 if self._is_outdated or not each.state.settled or each.state[2:] != before[2:]:
-                    self._settle()  # otherwise, nothing was sent and nothing was handled
+                    yield from self._settle()  # otherwise, nothing was sent and nothing was handled
 
-    def _settle(self) -> None:
+    def _settle(self) -> Course[None]:
         """Wait until all threads wait, and all that was sent was handled."""
         begun = moved = time.monotonic()
         told, looks = False, 0
@@ -313,16 +421,17 @@ class Leader:
             if not busy:
                 if self._is_outdated and looks < _LOOKS:
                     looks, self._is_outdated = looks + 1, False
-                    self._look(self._seats, _UNKNOWN)
+                    yield from self._look(self._seats, _UNKNOWN)
                     continue
                 self._is_outdated = False
                 ahead = {name for flow in self._balance.ahead(numbers) for name, _ in flow.senders}
-                if ahead and self._look([each for each in self._seats if each.name in ahead], _UNKNOWN):
+                if ahead and (yield from self._look([each for each in self._seats if each.name in ahead], _UNKNOWN)):
                     continue  # they had sent more since they were asked
                 self._balance.level(numbers)
                 return
+            yield False  # the loop may have to go on first
             now = time.monotonic()  # before it looks: this process may have been stopped for a while
-            if self._look(busy):
+            if (yield from self._look(busy)):
                 moved = time.monotonic()
                 continue
             if now - moved > _LOST and all(each.state.settled for each in busy):
@@ -334,21 +443,24 @@ class Leader:
                 told = True
                 log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
 
-    def _look(self, seats: Sequence[_Seat], last: State | None = None) -> bool:
+    def _look(self, seats: Sequence[_Seat], last: State | None = None) -> Course[bool]:
         """Ask for states that differ from `last`, by default the known ones; returns whether anything has changed."""
         changed = False
         for each in list(seats):
             before = each.state
-            self._ask(each, each.asked.look, last or before)
+            yield from self._ask(each, each.asked.look, last or before)
             changed |= each.state != before or each not in self._seats
         return changed
 
-    def _ask(self, seat: _Seat, question: Callable[[_T], State], about: _T) -> None:
+    def _ask(self, seat: _Seat, question: Callable[[_T], None], about: _T) -> Course[None]:
         """Take a new report of a component; without an answer, go on without it."""
         made = seat.state.made
         try:
-            seat.state, seat.silent = question(about), 0
-            self._is_outdated |= seat.state.made != made
+            question(about)
+            while (state := seat.asked.answer(self._asking)) is None:
+                yield seat.is_near
+            seat.state, seat.silent = state, 0
+            self._is_outdated |= state.made != made
         except Timeout as exc:
             seat.silent += 1
             if seat.silent >= _SILENT:

@@ -2,9 +2,11 @@
 
 This is the leader's end, and the form of the messages; that of the follower is in `answering.py`.
 
-    question    number, kind, instant                          for a step
-                number, kind, 0, the last answer               for a look
+    question    number, kind, instant, core                    for a step
+                number, kind, 0, core, the last answer         for a look
     answer      number, the state
+
+`core` is that on which the leader's loop waits, so that the follower's may wait there too (`helm.py`).
 
 It takes a tenth of the time of a query over a middleware, and its end tells at once that the other process is gone.
 Both processes are on one host and belong to one user. The address is a random name without a file, which the follower
@@ -17,65 +19,82 @@ import logging
 import os
 import socket
 import struct
+import time
 from functools import cache
-from typing import Protocol
 
 from ..errors import Timeout, Unreachable
 from .balance import State
+from .helm import ANY_CORE
 
 log = logging.getLogger("robocomp.clock")
 
 STEP, LOOK = 0, 1
-QUESTION = struct.Struct("<IBq")
+QUESTION = struct.Struct("<IBqh")
 _ANSWER = "<Iq?iq{}q"
 _ANSWER_SIZE = struct.calcsize(_ANSWER.format(0))
 _CREDENTIALS = struct.Struct("3i")
 MOST = 1 << 16
 """Octets of a message: enough for thousands of counters. A longer one ends the line."""
 
-
-class Asked(Protocol):
-    """What a leader asks."""
-
-    def step(self, now: int) -> State: ...
-
-    def look(self, last: State) -> State: ...
+_SLICE = 0.05
+"""Longest wait for an answer in seconds before the leader may do something else."""
 
 
 class Line:
-    """The leader's end. Used by one thread."""
+    """The leader's end. Used by one thread at a time, for one question at a time: `step` or `look`, then `answer`.
+
+    All three raise Unreachable if the follower is gone.
+    """
 
     def __init__(self, sock: socket.socket, deadline: float) -> None:
-        """A question takes at most `deadline` seconds, on a socket that was connected by `connect`."""
+        """An answer takes at most `deadline` seconds."""
+        self.core = ANY_CORE
+        """That of the leader's loop."""
         self._sock, self._deadline, self._number = sock, deadline, 0
+        self._until = 0.0
+        """When the deadline of the question is over."""
         self._buffer = bytearray(MOST)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(deadline))
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(min(_SLICE, deadline)))
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(deadline))
 
-    def step(self, now: int) -> State:
-        """Raises Timeout without an answer, and Unreachable if the follower is gone."""
-        return self._ask(STEP, now, b"")
+    def step(self, now: int) -> None:
+        """Have it do all that is due until an instant."""
+        self._ask(STEP, now, b"")
 
-    def look(self, last: State) -> State:
-        """As `step`."""
-        return self._ask(LOOK, 0, pack_answer(0, last))
+    def look(self, last: State) -> None:
+        """Have it tell its state, as soon as that differs from the last one."""
+        self._ask(LOOK, 0, pack_answer(0, last))
+
+    def answer(self) -> State | None:
+        """The answer; None if it takes longer, so that this has to be called again.
+
+        Raises Timeout when the deadline is over.
+        """
+        try:
+            while size := self._sock.recv_into(self._buffer):
+                answered, state = unpack_answer(self._buffer, 0, size)
+                if answered == self._number:  # else it is one that came too late
+                    return state
+        except BlockingIOError:
+            if time.monotonic() < self._until:
+                return None
+            raise Timeout(f"no answer for {self._deadline:g} s") from None
+        except (OSError, struct.error) as exc:
+            raise Unreachable("the connection has ended") from exc
+        raise Unreachable("the connection has ended")
 
     def close(self) -> None:
         self._sock.close()
 
-    def _ask(self, kind: int, now: int, rest: bytes) -> State:
-        self._number = number = (self._number + 1) & 0xFFFFFFFF
+    def _ask(self, kind: int, now: int, rest: bytes) -> None:
+        self._number = (self._number + 1) & 0xFFFFFFFF
+        self._until = time.monotonic() + self._deadline
         try:
-            self._sock.send(QUESTION.pack(number, kind, now) + rest)
-            while size := self._sock.recv_into(self._buffer):
-                answered, state = unpack_answer(self._buffer, 0, size)
-                if answered == number:  # else it is one that came too late
-                    return state
+            self._sock.send(QUESTION.pack(self._number, kind, now, self.core) + rest)
         except BlockingIOError as exc:
-            raise Timeout(f"no answer for {self._deadline:g} s") from exc
-        except (OSError, struct.error) as exc:
+            raise Timeout(f"no question could be sent for {self._deadline:g} s") from exc
+        except OSError as exc:
             raise Unreachable("the connection has ended") from exc
-        raise Unreachable("the connection has ended")
 
 
 def connect(address: str, deadline: float) -> Line | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from ..contract.component import Port
-from .balance import State
+from .answering import Answers
 from .RoboCompLockstep import Counter
 
 
@@ -32,14 +32,10 @@ class Publishes(Serves, Protocol):
         ...
 
 
-class Seated(Protocol):
+class Seated(Answers, Protocol):
     """The component that leads, as its leader asks it; see `Member`."""
 
     instance: str
     """Its whole name, as `/robot1/world`."""
-
-    def step(self, now: int) -> State: ...
-
-    def look(self, last: State) -> State: ...
 
     def counters(self) -> Sequence[Counter]: ...

@@ -33,15 +33,14 @@ class Lockstep:
         """
         self._member = Member(settings, is_idle, is_over)
         self._leader = Leader(settings, self._member, fail) if self._member.leads else None
+        helm = self._leader.helm if self._leader else self._member.helm
+        self._member.clock.pause = helm.wait
+        self.alarm: threading.Event = helm.alarm
+        """The event for which the loop of the component waits."""
 
     @property
     def clock(self) -> Followed:
         return self._member.clock
-
-    @property
-    def alarm(self) -> threading.Event:
-        """The event for which the loop of the component waits."""
-        return self._member.alarm
 
     @property
     def threads(self) -> Threads:

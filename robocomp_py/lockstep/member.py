@@ -21,6 +21,7 @@ from .answering import Answering
 from .balance import State
 from .clock import Followed, Moved
 from .counts import Counts
+from .helm import Helm
 from .links import Reaches
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
@@ -86,13 +87,12 @@ class Member:
         self.clock = Followed(self._is_free)
         self.threads = AwayThreads(self.clock)
         self.counts = Counts(self.clock)
-        self._line = Answering(self.instance[1:], self)
-        self.clock.pause = self._line.wait
+        self._answering = Answering(self.instance[1:], self)
 
     @property
-    def alarm(self) -> threading.Event:
-        """The event for the thread of the component's loop."""
-        return self._line.alarm
+    def helm(self) -> Helm:
+        """That of a follower."""
+        return self._answering.helm
 
     @property
     def leads(self) -> bool:
@@ -102,7 +102,7 @@ class Member:
     def open(self, connections: Reaches) -> None:
         """Open what connects a follower with its leader."""
         if not self.leads:
-            self._line.begin()
+            self._answering.begin()
             connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPFOLLOWER_INTERFACE), self)
             port = Port(Verb.REQUIRES, LOCKSTEPLEADER_INTERFACE, proxy=LockstepLeaderProxy)
             self._proxy, _ = connections.reach(port, self.leader)
@@ -129,30 +129,26 @@ class Member:
                 self._proxy.leave(self.instance, deadline=1.0)
             except RobocompError as exc:
                 log.debug("the leader was not told that %s ends: %s", self.instance[1:], exc)
-        self._line.close()
+        self._answering.close()
         if self._thread and self._thread.ident:
             self._thread.join(_STUCK)
 
     # What the leader asks.
 
     def LockstepFollower_step(self, now: int) -> Report:
-        return self.step(now).report()
+        return (self.work(now) or self._state()).report()
 
     def LockstepFollower_look(self, last: Report) -> Report:
-        return self.look(State.of(last)).report()
+        return self.watch(State.of(last)).report()
 
     def LockstepFollower_counters(self) -> list[Counter]:
         return self.counters()
 
     def LockstepFollower_line(self) -> str:
-        return self._line.address
-
-    def step(self, now: int) -> State:
-        """Do all that is due until an instant."""
-        return self.work(now) or self._state()
+        return self._answering.address
 
     def work(self, now: int, asking: threading.Event | None = None) -> State | None:
-        """As `step`, but None, before that is done, if the calling thread has something to do.
+        """Do all that is due until an instant; None, before that is done, if the calling thread has something to do.
 
         That is the case if the event `asking`, by which it waits for the clock, is set, or if it is due itself.
         """
@@ -184,12 +180,11 @@ class Member:
             if is_busy:
                 quiet = elapsed
 
-    def look(self, last: State) -> State:
-        """Wait until its state differs from the last one, but not long."""
-        return self.watch(last)
-
     def watch(self, last: State, asking: threading.Event | None = None) -> State:
-        """As `look`, but it does not wait if the event `asking`, by which the calling thread waits, is set."""
+        """Wait until its state differs from the last one, but not long.
+
+        It does not wait if the event `asking`, by which the calling thread waits, is set.
+        """
         begun = time.monotonic()
         while (
             (now := self._state()) == last and time.monotonic() - begun < PATIENCE and not (asking and asking.is_set())

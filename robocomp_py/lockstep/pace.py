@@ -51,6 +51,11 @@ class Pace:
         with self._changed:
             return Stand(self._speed, self._paused and self._until is None and not self._is_busy)
 
+    @property
+    def is_unbound(self) -> bool:
+        """Whether the clock may go on at any time: as fast as possible, without a pause or a step."""
+        return not self._speed and not self._paused and self._until is None
+
     def pause(self) -> None:
         with self._changed:
             self._stop()

@@ -80,9 +80,10 @@ class Loop(threading.Thread):
         """Whether its work announces that it blocks."""
 
     def run(self) -> None:
-        alarm = self._answers.alarm
+        helm = self._answers.helm
+        alarm = helm.alarm
         while not self.is_over:
-            if self._answers.wait(alarm, 0.01):
+            if helm.wait(alarm, 0.01):
                 alarm.clear()
                 self.works += 1
                 if self.blocks:
@@ -90,7 +91,7 @@ class Loop(threading.Thread):
                 assert self.may_work.wait(SOON)
 
 
-def until_asked(line: Line, follower: Follower, thread: threading.Thread) -> None:
+def until_asked(line: Asking, follower: Follower, thread: threading.Thread) -> None:
     """Ask until this thread answers."""
 
     def is_asked() -> bool:
@@ -100,12 +101,32 @@ def until_asked(line: Line, follower: Follower, thread: threading.Thread) -> Non
     wait_until(is_asked)
 
 
+class Asking:
+    """Asks, and waits for the answer."""
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+
+    def step(self, now: int) -> State:
+        self._line.step(now)
+        return self._answer()
+
+    def look(self, last: State) -> State:
+        self._line.look(last)
+        return self._answer()
+
+    def _answer(self) -> State:
+        while (state := self._line.answer()) is None:
+            pass
+        return state
+
+
 @contextlib.contextmanager
-def asking(answers: Answering, deadline: float = SOON) -> Iterator[Line]:
+def asking(answers: Answering, deadline: float = SOON) -> Iterator[Asking]:
     line = connect(answers.address, deadline)
     assert line
     with contextlib.closing(line):
-        yield line
+        yield Asking(line)
 
 
 def test_instants_and_states_arrive_as_they_were_sent() -> None:
@@ -165,7 +186,7 @@ def test_a_loop_whose_alarm_is_set_by_a_question_works_and_then_answers_it() -> 
     with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
         until_asked(line, follower, loop)
         before = loop.works
-        follower.calls = answers.alarm.set
+        follower.calls = answers.helm.alarm.set
         assert line.step(5) == State(5, False, 7, ())
         assert loop.works == before + 1
 
@@ -177,7 +198,7 @@ def test_the_question_is_answered_by_another_thread_while_the_loop_works(blocks:
         until_asked(line, follower, loop)
         loop.blocks = blocks
         loop.may_work.clear()
-        follower.calls = answers.alarm.set
+        follower.calls = answers.helm.alarm.set
         assert line.step(6).due == 6
         assert follower.answered_by[-1] != loop.ident
         assert line.step(7).due == 7
@@ -191,7 +212,7 @@ def test_an_alarm_ends_the_wait_of_a_loop_that_receives() -> None:
     with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
         until_asked(line, follower, loop)
         before = loop.works
-        answers.alarm.set()
+        answers.helm.alarm.set()
         wait_until(lambda: loop.works > before)
 
 

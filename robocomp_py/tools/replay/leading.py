@@ -8,6 +8,7 @@ itself begins at 0; messages are sent when it has reached their positions.
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -217,7 +218,7 @@ class _Member:
     def position(self, now: int) -> int:
         return 0 if self._begin is None else max(0, now - self._begin)
 
-    def step(self, now: int) -> State:
+    def work(self, now: int, asking: threading.Event | None) -> State:
         if self._begin is None:
             self._begin = now
             self._take()
@@ -229,7 +230,7 @@ class _Member:
             self._take()
         return self._state()
 
-    def look(self, last: State) -> State:
+    def watch(self, last: State, asking: threading.Event | None) -> State:
         return self._state()
 
     def counters(self) -> list[Counter]:
