@@ -43,6 +43,8 @@ class Answering:
         self.helm = Helm(f"{name}-line", self)
         self.address = ""
         """Where a leader reaches it; "" if that is not possible."""
+        self.is_for_loop = False
+        """While a leader is connected."""
         self.core = ANY_CORE
         """That of the leader, as its last question told."""
         self._answers = answers
@@ -50,8 +52,8 @@ class Answering:
         self._connected: socket.socket | None = None
         self._polls: dict[Alarm, Callable[[float], list[tuple[int, int]]]] = {}
         """Wait for a question, or for the alarm, at most for a time in milliseconds."""
-        self._question = b""
-        """The one that is not answered yet."""
+        self._question: tuple[int, int, State | None] | None = None
+        """The one that is not answered yet: its number, and the instant of a step, or the last state for a look."""
         self._buffer = bytearray(MOST)  # a new one for each question costs more than the question
         self._closed = False
         self._lock = threading.Lock()
@@ -78,10 +80,6 @@ class Answering:
 
     # For the helm.
 
-    @property
-    def is_for_loop(self) -> bool:
-        return self._connected is not None
-
     def serve(self, by: Alarm, timeout: float, *, is_loop: bool) -> bool:
         sock = self._connected
         try:
@@ -95,35 +93,26 @@ class Answering:
             return by.is_set() if sock else by.wait(timeout)
 
     def _attend(self, sock: socket.socket, by: Alarm, milliseconds: float, asking: Alarm | None) -> bool:
-        poll, number, question = self._polls[by], sock.fileno(), self._question
+        answers, buffer, poll = self._answers, self._buffer, self._polls[by]
         while True:
-            if question and not self._answer(sock, question, asking):
-                self._question = question
-                return True
-            self._question = b""
+            if self._question:
+                number, now, last = self._question
+                state = answers.work(now, asking) if last is None else answers.watch(last, asking)
+                if state is None:
+                    return True
+                sock.send(pack_answer(number, state))
+                self._question = None
             by.is_polled = True
             ready = [] if by.is_set() else poll(milliseconds)
             by.is_polled = False
-            if len(ready) != 1 or ready[0][0] != number:  # the alarm, or nothing for this time
+            if len(ready) != 1 or ready[0][0] == by.bell.number:  # the alarm, or nothing for this time
                 by.bell.silence()
                 return by.is_set()
-            size = sock.recv_into(self._buffer)
+            size = sock.recv_into(buffer)
             if not size:
                 raise OSError("the connection has ended")
-            question = bytes(self._buffer[:size])
-
-    def _answer(self, sock: socket.socket, question: bytes, asking: threading.Event | None) -> bool:
-        """Answer a question; False, without an answer, if the asking thread has something else to do."""
-        number, kind, now, self.core = QUESTION.unpack_from(question)
-        if kind == STEP:
-            state = self._answers.work(now, asking)
-        else:
-            _, last = unpack_answer(question, QUESTION.size, len(question))
-            state = self._answers.watch(last, asking)
-        if state is None:
-            return False
-        sock.send(pack_answer(number, state))
-        return True
+            number, kind, now, self.core = QUESTION.unpack_from(buffer)
+            self._question = number, now, None if kind == STEP else unpack_answer(buffer, QUESTION.size, size)[1]
 
     # The connection.
 
@@ -139,11 +128,11 @@ class Answering:
             if self._closed:
                 sock.close()
             else:
-                self._question, self._connected = b"", sock
+                self._question, self._connected, self.is_for_loop = None, sock, True
 
     def _hang_up(self) -> None:
         with self._lock:
-            sock, self._connected = self._connected, None
+            sock, self._connected, self.is_for_loop = self._connected, None, False
         if sock:
             sock.close()
 

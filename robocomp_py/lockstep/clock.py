@@ -56,6 +56,8 @@ class Followed:
         self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
         """Waits for an event like its `wait`, with a time limit in seconds, and may do other work in the meantime."""
         self._now = 0
+        self.due_next = NEVER
+        """What `due` was when it was moved quietly."""
         self._changed = threading.Lock()
         self._news = threading.Lock()
         """Released when a thread begins to wait, if one is interested."""
@@ -127,14 +129,20 @@ class Followed:
         `asking`. If it is the one to go on, its event is not set.
         """
         with self._changed:
-            if not self._is_still():
+            if self._working:
                 return Moved.NOT
-            self._now = now = max(self._now, to)
+            now, due = max(self._now, to), NEVER
             first, wakes = None, None
             for wake, waiter in self._waiting.items():
-                if waiter.until <= now and (first is None or waiter.is_before(first)):
+                if wake.is_set():
+                    return Moved.NOT
+                if waiter.until > now:
+                    due = min(due, waiter.until)
+                elif first is None or waiter.is_before(first):
                     first, wakes = waiter, wake
+            self._now = now
             if first is None or wakes is None:
+                self.due_next = due
                 return Moved.QUIETLY
             self._working.add(first)
         if wakes is asking:

@@ -126,10 +126,7 @@ class _OnLine:
 
     def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
         self._proxy, self.line = proxy, line
-        self.step, self.look = line.step, line.look
-
-    def answer(self, asking: Alarm | None) -> State | None:
-        return self.line.answer()
+        self.step, self.look, self.answer = line.step, line.look, line.answer
 
     def counters(self) -> Sequence[Counter]:
         return self._proxy.counters(deadline=_DEADLINE)

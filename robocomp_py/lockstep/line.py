@@ -52,7 +52,7 @@ class Line:
         """That of the leader's loop."""
         self._sock, self._deadline, self._number = sock, deadline, 0
         self._until = 0.0
-        """When the deadline of the question is over."""
+        """When the deadline of the question is over; 0 while its answer is not late."""
         self._buffer = bytearray(MOST)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(min(_SLICE, deadline)))
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(deadline))
@@ -65,8 +65,8 @@ class Line:
         """Have it tell its state, as soon as that differs from the last one."""
         self._ask(LOOK, 0, pack_answer(0, last))
 
-    def answer(self) -> State | None:
-        """The answer; None if it takes longer, so that this has to be called again.
+    def answer(self, asking: object = None) -> State | None:
+        """The answer; None if it takes longer, so that this has to be called again. Any thread may ask for it.
 
         Raises Timeout when the deadline is over.
         """
@@ -76,7 +76,9 @@ class Line:
                 if answered == self._number:  # else it is one that came too late
                     return state
         except BlockingIOError:
-            if time.monotonic() < self._until:
+            now = time.monotonic()
+            self._until = self._until or now + self._deadline - _SLICE
+            if now < self._until:
                 return None
             raise Timeout(f"no answer for {self._deadline:g} s") from None
         except (OSError, struct.error) as exc:
@@ -87,10 +89,10 @@ class Line:
         self._sock.close()
 
     def _ask(self, kind: int, now: int, rest: bytes) -> None:
-        self._number = (self._number + 1) & 0xFFFFFFFF
-        self._until = time.monotonic() + self._deadline
+        self._number = number = (self._number + 1) & 0xFFFFFFFF
+        self._until = 0.0
         try:
-            self._sock.send(QUESTION.pack(self._number, kind, now, self.core) + rest)
+            self._sock.send(QUESTION.pack(number, kind, now, self.core) + rest)
         except BlockingIOError as exc:
             raise Timeout(f"no question could be sent for {self._deadline:g} s") from exc
         except OSError as exc:

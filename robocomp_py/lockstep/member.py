@@ -81,6 +81,8 @@ class Member:
         self._is_idle, self._is_over = is_idle, is_over
         self._is_ready = False
         self._admitted = threading.Event()
+        self._is_admitted = False
+        """The same, but quicker to look at."""
         self._closing = threading.Event()
         self._proxy: LockstepLeaderProxy | None = None
         self._thread: threading.Thread | None = None
@@ -153,16 +155,17 @@ class Member:
         That is the case if the event `asking`, by which it waits for the clock, is set, or if it is due itself.
         """
         clock, counts = self.clock, self.counts
-        if not self._admitted.is_set():
+        if not self._is_admitted:
             clock.set(now)  # first: it is what the component sees when it begins
+            self._is_admitted = True
             self._admitted.set()
-        begun = quiet = elapsed = time.monotonic()
+        begun = quiet = elapsed = 0.0  # the machine is asked for its time only if this takes longer
         while True:
             is_busy = not self._is_idle()
             if not is_busy and (not counts.calls or elapsed - quiet > _CALL):
                 moved = clock.proceed(now, asking)
                 if moved is Moved.QUIETLY:
-                    return State(clock.due, True, counts.version, counts.numbers(), counts.made)
+                    return State(clock.due_next, True, counts.version, counts.numbers(), counts.made)
                 if moved is Moved.TO_ASKING:
                     return None
                 is_busy = moved is Moved.NOT
@@ -171,6 +174,8 @@ class Member:
                 is_busy = is_busy or not clock.is_still
             if asking and asking.is_set():
                 return None
+            if not begun:
+                begun = quiet = elapsed = time.monotonic()
             if elapsed - begun > PATIENCE or (is_busy and self._is_over()):
                 return self._state()
             if elapsed - begun > _SHORT:

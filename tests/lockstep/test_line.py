@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 
 from robocomp_py.errors import Timeout, Unreachable
 from robocomp_py.lockstep.answering import Answering
 from robocomp_py.lockstep.balance import State
+from robocomp_py.lockstep.helm import ANY_CORE
 from robocomp_py.lockstep.line import Line, connect
 from robocomp_py.runtime.clock import NEVER
 from robocomp_py.testing.patience import SOON, wait_until
@@ -78,6 +81,8 @@ class Loop(threading.Thread):
         self.may_work.set()
         self.blocks = False
         """Whether its work announces that it blocks."""
+        self.cores: list[set[int]] = []
+        """On which it could run when it worked."""
 
     def run(self) -> None:
         helm = self._answers.helm
@@ -86,6 +91,7 @@ class Loop(threading.Thread):
             if helm.wait(alarm, 0.01):
                 alarm.clear()
                 self.works += 1
+                self.cores.append(os.sched_getaffinity(0))
                 if self.blocks:
                     about_to_block()
                 assert self.may_work.wait(SOON)
@@ -106,6 +112,10 @@ class Asking:
 
     def __init__(self, line: Line) -> None:
         self._line = line
+
+    def tell_core(self, core: int) -> None:
+        """From now on, questions tell that the leader's loop waits there."""
+        self._line.core = core
 
     def step(self, now: int) -> State:
         self._line.step(now)
@@ -222,3 +232,31 @@ def test_a_loop_that_receives_is_there_for_the_next_leader_too() -> None:
         for _ in range(2):
             with asking(answers) as line:
                 until_asked(line, follower, loop)
+
+
+def test_a_loop_waits_on_the_core_of_the_leader_and_works_on_all() -> None:
+    every = os.sched_getaffinity(0)
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+
+        def waits_on(cores: set[int]) -> bool:
+            """After it has worked."""
+            follower.calls = answers.helm.alarm.set
+            line.step(1)
+            return os.sched_getaffinity(loop.native_id or 0) == cores
+
+        for core in every:
+            line.tell_core(core)
+            wait_until(partial(waits_on, {core}))
+        line.tell_core(ANY_CORE)
+        wait_until(partial(waits_on, every))
+    assert all(cores == every for cores in loop.cores)
+
+
+def test_a_core_on_which_the_loop_may_not_run_is_ignored() -> None:
+    follower = Follower()
+    with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
+        until_asked(line, follower, loop)
+        line.tell_core(10_000)
+        until_asked(line, follower, loop)
+        assert os.sched_getaffinity(loop.native_id or 0) == os.sched_getaffinity(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from typing import Any
 
 import pytest
@@ -148,6 +149,42 @@ def test_the_story_is_the_same_over_every_middleware_as_in_virtual_time(middlewa
     ]
     assert earth == [f"poke {number} at {at}" for number, at in enumerate((0, 100, 200, 300, 500, 600, 900, 1000))]
     assert (sun, earth, moon) == in_virtual_time()
+
+
+class Asking(Moon):
+    """A leader that asks the earth, whose answer takes some time."""
+
+    component = Component("sun", (Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),), period=0.05)
+
+    def compute(self) -> None:
+        self.entries.append(f"{self.everything_proxy.work('done')} at {self.ms}")
+
+
+def test_the_clock_goes_on_while_the_component_that_leads_waits_for_an_answer() -> None:
+    with (
+        running(make(Asking, find_transport, *leading("earth"), name="sun"), ready=False) as sun,
+        running(make(Earth, find_transport, "clock.leader=sun", "component.period=60", name="earth"), ready=False),
+    ):
+        wait_until(lambda: len(sun.entries) > 4)
+    assert sun.entries[1:4] == ["done at 120", "done at 270", "done at 420"], "a call takes 120 ms: two periods pass"
+
+
+class Woken(Sun):
+    """A leader whose period is changed at each `compute`, by a thread of its own: that calls its loop."""
+
+    def compute(self) -> None:
+        super().compute()
+        thread = threading.Thread(target=setattr, args=(self, "period", 0.05 + 0.05 * (len(self.entries) % 2)))
+        thread.start()
+
+
+def test_the_component_that_leads_may_be_called_while_it_leads() -> None:
+    with (
+        running(make(Woken, find_transport, *leading("moon"), name="sun"), ready=False) as sun,
+        running(make(Earth, find_transport, "clock.leader=sun", name="earth"), ready=False),
+        running(make(Moon, find_transport, "clock.leader=sun", name="moon"), ready=False) as moon,
+    ):
+        wait_until(lambda: len(sun.entries) > 50 and moon.entries.count("compute") > 10)
 
 
 def test_a_late_component_begins_at_the_present_instant() -> None:
