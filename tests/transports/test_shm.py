@@ -44,8 +44,9 @@ from robocomp_py.testing.parts import (
 )
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Reply, Status, Transport, TransportConfig, gathering, wait_connected
+from robocomp_py.transports.directory import Directory
 from robocomp_py.transports.inotify import Watch
-from robocomp_py.transports.members import Found
+from robocomp_py.transports.members import Entry, Found
 from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.shm import dispatcher, node, room, samples
 from robocomp_py.transports.shm.early_wakeup import EarlyWakeup
@@ -1160,6 +1161,23 @@ def test_an_answer_for_which_there_is_no_memory_fails_its_call(
 
 
 # What is not ours.
+
+
+@pytest.mark.parametrize("address", ["", "x", "1/", "1/zz", "-1/0", "1/counted/2", "9" * 30])
+def test_a_peer_whose_address_is_not_understood_is_left_out(
+    address: str, here: ShmTransport, there: ShmTransport, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whatever an entry of another program is, the others are found."""
+    asked = query(NAME)
+    alien = Directory(runtime_dir() / "shm").join("alien")
+    for role, channel in (("publishes", topic(NAME)), ("subscribes", topic(NAME)), ("serves", asked)):
+        alien.add(Entry(role, NAME, channel.type.fingerprint, channel.type.text, address))
+    inbox, outlet = subscribe(there, topic(NAME)), here.outlet(topic(NAME))
+    greet(here, outlet, inbox)
+    with pytest.raises(TransportError):
+        here.caller(asked).ask(blob(here, b"hello"), A_MOMENT)
+    alien.close()
+    assert not caplog.records
 
 
 def test_malformed_messages_are_counted(

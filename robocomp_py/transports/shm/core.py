@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import logging
 import math
+import re
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -22,7 +23,7 @@ from ..exclusive import sweep
 from ..inotify import Watch
 from ..leader_followers import Job, LeaderFollowers
 from ..limits import IDLE_TICK
-from ..members import Member
+from ..members import Found, Member
 from ..runtime_folder import runtime_dir
 from ..server import ServingLink, ServingTransport
 from .codec import ApartCdr
@@ -47,6 +48,13 @@ class Reconnects(Protocol):
     """A link that has to connect again if there were too few descriptors."""
 
     def reconnect(self) -> None: ...
+
+
+_ADDRESS = re.compile(r"[0-9]{1,9}(/([0-9a-f]{16}|counted))?")
+"""What links announce as their addresses; anything else comes from another program."""
+
+_ADDRESSED = ("serves", "receives", "publishes", "subscribes")
+"""The roles of links that have an address."""
 
 
 class ShmCore(ServingTransport):
@@ -205,6 +213,12 @@ class ShmCore(ServingTransport):
 
     def wake(self) -> None:
         self._loop.wake()
+
+    def find(self, role: str, channel: str) -> list[Found]:
+        found = super().find(role, channel)
+        if role not in _ADDRESSED:
+            return found
+        return [each for each in found if _ADDRESS.fullmatch(each.entry.address)]
 
     def look_soon(self) -> None:
         self._loop.wake()
