@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from .hosts import hosts_of
-from .live import EXIT_STATUS, awaited, reported, subscriptions_of, topics_of
+from .live import EXIT_STATUS, awaited, reported, subscriptions_of, topics_of, understood
 from .measuring import add_measured, measure, messages
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
 
     with reported("rc delay") as code, hosts_of(options) as hosts:
         network, named = awaited(options, pick, hosts)
-        topics = subscriptions_of(named)
+        topics = subscriptions_of(understood(options, named))
         with Access() as access:
             far = {(each.name, each.host) for each in topics if not have_one_clock(access, network, each)}
 

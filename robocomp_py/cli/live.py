@@ -167,12 +167,34 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
     Raises Absent, and HostUnreachable.
     """
     topics = awaited(options, lambda network: topics_of(network, options.topics), hosts)
-    return subscriptions_of(topics)
+    return subscriptions_of(understood(options, topics))
 
 
 def subscriptions_of(topics: Iterable[Channel]) -> list[Channel]:
     """Those that hear all publishers of these topics."""
     return [each for topic in topics for each in topic.subscriptions()]
+
+
+def understood(options: argparse.Namespace, topics: Sequence[Channel]) -> list[Channel]:
+    """The topics whose contracts are understood. Says which ones are left out; if there is no other, it raises
+    NotUnderstood.
+    """
+    from ..tools.network import NotUnderstood
+
+    found: list[Channel] = []
+    wrong: list[NotUnderstood] = []
+    for each in topics:
+        try:
+            _ = each.operation
+        except NotUnderstood as exc:
+            wrong.append(exc)
+        else:
+            found.append(each)
+    if wrong and not found:
+        raise wrong[0]
+    for why in wrong:
+        say(f"rc {options.command}", f"{why}, so it is left out")
+    return found
 
 
 def tell_lost(options: argparse.Namespace, lost: Lost) -> None:

@@ -34,6 +34,7 @@ from robocomp_py.tools.tap import Message, Presence, tap, tapped
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.directory import Directory, state_of
 from robocomp_py.transports.members import Entry
+from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..runtime.components import Calculator
 from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
@@ -515,6 +516,26 @@ def test_a_contract_that_is_not_understood_is_told(
         assert why in complained(capsys, "call", "serves")
         assert why in said(capsys, "info", "serves")
         assert "riddler" in said(capsys, "list")
+    finally:
+        member.close()
+
+
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
+@pytest.mark.parametrize("command", ["echo", "hz", "delay"])
+def test_a_topic_whose_contract_is_not_understood_hides_no_other(
+    talker: Any, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    member = Directory(runtime_dir("shm")).join("talker")
+    try:
+        member.add(Entry("publishes", "talker/Everything/riddle", 7, "who am I"))
+        why = "the contract of talker/Everything/riddle is not understood: operation is missing, so it is left out"
+        seconds = 1.0
+        while rc.main([command, "talker/Everything", "--for", f"{seconds:g}"]):  # a busy machine may hear nothing
+            assert seconds < SOON * 3, capsys.readouterr()
+            seconds *= 4
+        done = capsys.readouterr()
+        assert f"rc {command}: {why}" in done.err
+        assert done.out
     finally:
         member.close()
 
