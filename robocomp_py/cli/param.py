@@ -171,13 +171,15 @@ def _get(at: _At, options: argparse.Namespace) -> int:
 
 
 def _set(at: _At, options: argparse.Namespace) -> int:
+    from ..errors import ConfigurationError
     from ..tools import params
 
     texts: dict[str, str] = {}
     for each in options.values:
         name, equals, text = each.partition("=")
         if not equals or not name:
-            raise Absent(f"`{each}` is no NAME=VALUE")
+            hint = f"; write {'='.join(options.values)}" if len(options.values) == 2 else ""
+            raise ConfigurationError(f"`{each}` is no NAME=VALUE{hint}")
         texts[name] = text
     params.change(at.access, at.network, at.one, texts, at.deadline)
     if options.json:

@@ -54,13 +54,19 @@ def test_a_value_is_set_and_read(tuned: Any, capsys: pytest.CaptureFixture[str])
         ("max_speed=9", "rc param set: robot1/tuned: max_speed: `max_speed` is 9.0; allowed: float, 0.0 to 2.0"),
         ("device=there", "`device` is not dynamic"),
         ("max_sped=1", "did you mean `max_speed`"),
-        ("max_speed", "`max_speed` is no NAME=VALUE"),
     ],
 )
 def test_a_wrong_change_is_refused_with_the_reason(
     given: str, why: str, tuned: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert why in complained(capsys, "param", "set", "tuned", given, *OVER)
+
+
+def test_a_change_without_a_value_is_a_wrong_usage(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    why = "rc param set: `max_speed` is no NAME=VALUE"
+    assert complained(capsys, "param", "set", "tuned", "max_speed", *OVER, code=2) == f"{why}\n"
+    told = complained(capsys, "param", "set", "tuned", "max_speed", "1", *OVER, code=2)
+    assert told == f"{why}; write max_speed=1\n"
 
 
 def test_ranges_and_comments_are_described(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
