@@ -73,7 +73,7 @@ class _Scout:
         if self._process is None or self._process.stdin is None:
             self._early.append(data)
         elif self._process.stdin.transport.get_write_buffer_size() > _UNREAD:
-            self._why = "it does not read what it is asked"
+            self._why = "its scout does not read what it is asked"
             self.end()
         else:
             self._process.stdin.write(data)
@@ -93,7 +93,7 @@ class _Scout:
                 start_new_session=True,
             )
         except OSError as exc:
-            self._ended(f"it cannot be started: {exc.strerror}")
+            self._ended(f"its scout cannot be started: {exc.strerror}")
             return
         passing = asyncio.create_task(self._pass_on(process))
         over = asyncio.create_task(self._is_over.wait())
@@ -106,7 +106,9 @@ class _Scout:
             await _end(process)
             passing.cancel()
             await asyncio.gather(passing, return_exceptions=True)
-        self._ended(self._why or ("" if self._is_over.is_set() else f"it has ended (exit code {process.returncode})"))
+        self._ended(
+            self._why or ("" if self._is_over.is_set() else f"its scout has ended (exit code {process.returncode})")
+        )
 
     async def _pass_on(self, process: Process) -> None:
         assert process.stdout

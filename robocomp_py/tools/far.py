@@ -102,14 +102,15 @@ class _Clocked:
 
     def __init__(self, far: FarArrivals, host: str, names: frozenset[str], take: Callable[[Arrival], object]) -> None:
         self._far, self._host, self._names, self._take = far, host, names, take
-        self._ahead = math.inf
-        """Seconds by which the clock here is ahead of the one there: the least that was seen, which had the fastest
-        way."""
+        self._ahead: float | None = None
+        """Seconds by which the clock here is ahead of the one there, and which the first answer took. It stays, so that
+        intervals are those of the clock there."""
 
     def __call__(self, answer: Answer | RobocompError) -> None:
         match answer:
             case {"arrivals": list(arrivals), "now": float(now)}:
-                self._ahead = min(self._ahead, time.monotonic() - now)
+                if self._ahead is None:
+                    self._ahead = time.monotonic() - now
                 for each in arrivals:
                     match each:
                         case [str(channel), float(at), int(octets), int(source), int(sequence), age] if (

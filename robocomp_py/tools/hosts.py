@@ -59,6 +59,8 @@ class Hosts(Closing):
         self._options: Options = {}
         self._visited: Options = {}
         """Of the middlewares in which tools take part as an operator."""
+        self._told: set[str] = set()
+        """The clashes of names that were told."""
         self.posts: Sequence[Post] = ()
         self.lost: Mapping[str, str] = {}
         """The hosts that the last look could not ask, and why."""
@@ -68,14 +70,18 @@ class Hosts(Closing):
         with self._lock:
             plans = self._plans()
             self._running = False  # it may end meanwhile
-            hosts = {host["name"]: network for network, plan in plans.items() for host in plan.get("hosts", ())}
+            hosts, clashes = network_of_hosts(plans)
+            for each in clashes:
+                if each not in self._told:
+                    self._told.add(each)
+                    self._tell(each)
             self._check(hosts)
             opened = _opened(plans)
             self._visited = self._operator(plans)
             self._options = {**opened.get("", {}), **self._visited}
             wanted = [name for name in hosts if self._others is None or name in self._others]
             self.posts = [self._post(hosts[name], name, opened.get(name, {})) for name in wanted]
-            self._host_of = _host_of(plans)
+            self._host_of = places(plans)
         return self
 
     @property
@@ -215,14 +221,34 @@ def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:
     return found
 
 
-def _host_of(plans: Mapping[str, Any]) -> Mapping[str, str]:
-    """The hosts of instances, and of the names of their channels."""
-    processes = [each for plan in plans.values() for each in plan.get("processes", ())]
-    found = {instance: each.get("host", "") for each in processes for instance in each.get("instances", ())}
-    for plan in plans.values():  # some are not called as their channels are
-        ours = plan.get("ours", {})
-        found |= {each["channels"].strip("/"): found[name] for name, each in ours.items() if name in found}
-    return found
+def network_of_hosts(plans: Mapping[str, Any]) -> tuple[Mapping[str, str], Sequence[str]]:
+    """The networks of hosts, each by its name; and what to tell of names that mean different hosts."""
+    found: dict[str, tuple[str, str]] = {}
+    clashes = []
+    for network, plan in plans.items():
+        for host in plan.get("hosts", ()):
+            name, address = host["name"], host.get("address", "")
+            before, other = found.get(name, (network, address))
+            if address != other:
+                clashes.append(
+                    f"host {name} of {before} is not looked at, since it is another one than that of {network}; "
+                    f"choose it with --network {before}"
+                )
+            found[name] = network, address
+    return {name: network for name, (network, _) in found.items()}, clashes
+
+
+def places(plans: Mapping[str, Any]) -> Mapping[str, str]:
+    """The hosts of instances, and of the names of their channels; not of those that networks have on different ones."""
+    found: dict[str, set[str]] = {}
+    for plan in plans.values():
+        processes = plan.get("processes", ())
+        own = {instance: each.get("host", "") for each in processes for instance in each.get("instances", ())}
+        ours = plan.get("ours", {})  # some are not called as their channels are
+        own |= {each["channels"].strip("/"): own[name] for name, each in ours.items() if name in own}
+        for name, host in own.items():
+            found.setdefault(name, set()).add(host)
+    return {name: hosts.pop() for name, hosts in found.items() if len(hosts) == 1}
 
 
 def _connected(network: str, host: str) -> Line:

@@ -291,7 +291,7 @@ class _Subscriptions:
 
     def check(self) -> None:
         """Raise what has gone wrong with any subscription."""
-        if error := self._error or next(iter(self._far.lost.values()), None):
+        if error := self._error or next(reversed(self._far.lost.copy().values()), None):
             raise error
 
     def losses(self) -> Iterator[Lost]:

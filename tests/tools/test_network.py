@@ -8,6 +8,7 @@ import pytest
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.testing import everything as e
+from robocomp_py.tools.hosts import network_of_hosts, places
 from robocomp_py.tools.network import Channel, End, Network
 from robocomp_py.tools.posts import Post
 from robocomp_py.tools.recording.session import way_of
@@ -102,6 +103,29 @@ def test_subscriptions_that_are_open_are_used_further() -> None:
 
     assert [way_of(each) for each in Network([here, also, far]).topic("news").subscriptions(opened)] == ["over far"]
     assert Network([here, also]).topic("news").subscriptions(opened) == []
+
+
+def plan(address: str, **hosts: str) -> dict[str, object]:
+    """Of a network that has its instances on these hosts."""
+    return {
+        "hosts": [{"name": each, "address": address} for each in dict.fromkeys(hosts.values())],
+        "processes": [{"instances": [name], "host": host} for name, host in hosts.items()],
+    }
+
+
+def test_an_instance_that_networks_have_on_different_hosts_has_no_known_host() -> None:
+    plans = {"one": plan("10.0.0.1", laser="left", arm="left"), "two": plan("10.0.0.2", laser="right")}
+    assert places(plans) == {"arm": "left"}
+    assert network_of_hosts(plans) == ({"left": "one", "right": "two"}, [])
+
+
+def test_a_name_of_different_hosts_is_told() -> None:
+    one, two = plan("10.0.0.1", laser="robot"), plan("10.0.0.2", laser="robot")
+    assert network_of_hosts({"one": one, "two": one}) == ({"robot": "two"}, [])
+    assert network_of_hosts({"one": one, "two": two}) == (
+        {"robot": "two"},
+        ["host robot of one is not looked at, since it is another one than that of two; choose it with --network one"],
+    )
 
 
 def test_a_whole_name_means_only_its_own_channel() -> None:

@@ -32,12 +32,14 @@ from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import Seen, take_census
 from robocomp_py.tools.doctor.elsewhere import left_there, places
 from robocomp_py.tools.doctor.facts import Left, Machine, Process, Space
-from robocomp_py.tools.far import Far
+from robocomp_py.tools.far import Far, FarArrivals
 from robocomp_py.tools.network import Channel, End
 from robocomp_py.tools.posts import Post, ScoutError
 from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.tools.survey import merged, survey, told_in
+from robocomp_py.tools.tap import DEPTH, Message, tapped
+from robocomp_py.tools.traffic import Arrival
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 from robocomp_py.transports.runtime_folder import runtime_dir
@@ -274,7 +276,7 @@ def test_publishers_of_one_name_are_heard_on_all_hosts(capsys: pytest.CaptureFix
 
 
 @pytest.mark.usefixtures("talker")
-@pytest.mark.parametrize("command", ["hz", "bw", "delay"])
+@pytest.mark.parametrize("command", ["hz", "delay"])
 def test_each_host_of_a_topic_is_measured(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with elsewhere.network("base"):
         measured = [json.loads(line) for line in heard(capsys, command, "news", *ALL, seconds=1.2).splitlines()]
@@ -327,6 +329,43 @@ def test_when_one_of_several_hosts_is_lost_the_others_are_heard(
         cut.join()
     assert json.loads(capsys.readouterr().out)["host"] == ""
     assert complaints.getvalue() == "rc echo: base is out of reach: its cable was cut; the others go on\n"
+
+
+def test_what_a_terminal_cannot_take_is_dropped_and_counted_and_no_publisher_waits(talker: Any, post: Post) -> None:
+    told = Told("talker", os.getpid(), "publishes", "talker/Everything/news", e.news.fingerprint, e.news.text)
+    there = Channel("talker/Everything/news", Pattern.PUBLISH, [End("shm", told, "base", post)])
+    with contextlib.closing(tapped([there], first=SOON, whole=SOON)) as heard:
+        first = next(each for each in heard if isinstance(each, Message))
+        until = talker.number + 3 * DEPTH
+        wait_until(lambda: talker.number > until)  # meanwhile nothing takes them
+        found = [first]
+        while found[-1].message["number"] <= until:
+            found.append(next(each for each in heard if isinstance(each, Message)))
+    dropped = sum(each.dropped for each in found)
+    assert dropped > DEPTH
+    assert found[-1].message["number"] - found[0].message["number"] + 1 == len(found) + dropped
+
+
+def test_intervals_on_another_host_are_those_of_its_clock() -> None:
+    class Slow:
+        """A scout whose first answer comes late."""
+
+        host = "base"
+
+        @contextlib.contextmanager
+        def following(self, do: str, take: Any, **more: Any) -> Iterator[None]:
+            for number, (at, late) in enumerate([(7.0, 5.0), (7.02, 0.0)], 1):
+                arrival = ["talker/Everything/news", at, 8, 1, number, None]
+                take({"arrivals": [arrival], "now": time.monotonic() - 50 - late})
+            yield
+
+    taken: list[Arrival] = []
+    slow: Any = Slow()
+    topic = Channel("talker/Everything/news", Pattern.PUBLISH, [end("talker", "talker/Everything/news")])
+    with FarArrivals(taken.append).following(slow, [topic]):
+        first, second = taken
+    assert second.at - first.at == pytest.approx(0.02)
+    assert {each.host for each in taken} == {"base"}
 
 
 @pytest.mark.usefixtures("talker")

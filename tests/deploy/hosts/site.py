@@ -63,17 +63,21 @@ class Site:
                 known.write(f"{host.address} {self.servers[name].public_key}\n")
         return host
 
-    def network(self, instances: str, said: str = "", **of_hosts: str) -> Path:
-        """One of these instances, on all hosts that there are; `of_hosts` are further settings of those."""
+    def network(self, instances: str, said: str = "", *, called: str = "Lab", **of_hosts: str) -> Path:
+        """One of these instances, with the hosts that there are; `of_hosts` are further settings of those.
+
+        If it is not called `Lab`, its hosts are only those that its instances name.
+        """
+        hosts = {name: host for name, host in self.hosts.items() if called == "Lab" or f"host {name};" in instances}
         blocks = "".join(
             f'host {name} {{ address "{host.address}"; user "root"; python "{sys.executable}"; '
             f"{of_hosts.get(name, '')} }};\n"
-            for name, host in self.hosts.items()
+            for name, host in hosts.items()
         )
-        path = self.folder / "net.ddsl"
+        path = self.folder / ("net.ddsl" if called == "Lab" else f"{called}.ddsl")
         models = sorted(self._components.glob("*/*.cdsl"))
         imports = "".join(f'import "{model}";\n' for model in models)
-        path.write_text(f"{imports}Deployment Lab {{\n{said or 'security open;'}\n{blocks}{instances}\n}};\n")
+        path.write_text(f"{imports}Deployment {called} {{\n{said or 'security open;'}\n{blocks}{instances}\n}};\n")
         return path
 
     def rc(self, *arguments: object) -> Rcdeploy:
