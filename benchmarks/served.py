@@ -42,10 +42,9 @@ from .generic.genericworker import GenericWorker
 
 
 class Stamped(studio.Renderer):
-    def picture(self, *given):
-        made = super().picture(*given)
-        struct.pack_into("<d", made.colours, 0, time.perf_counter())
-        return made
+    def draw(self, view, camera, colours, depths):
+        super().draw(view, camera, colours, depths)
+        struct.pack_into("<d", colours, 0, time.perf_counter())
 
 
 studio.Renderer = Stamped

@@ -83,17 +83,17 @@ class Easel:
         self._options, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
 
-    def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
-        """Draw into arrays of the size of the order."""
+    def draw(self, order: Order, colours: Pixels | None, depths: Depths | None) -> None:
+        """Draw into arrays of the size of the order. What is None is not read from OpenGL, which takes time."""
         with self._context.as_current():
             self._draw(order, colours, depths)
-        if order.noise:
+        if order.noise and depths is not None:
             noise = order.noise
             normals = normal(noise.seed, noise.camera, "depth", noise.ticks, depths.size)
             factors = (1.0 + noise.deviation * normals).reshape(depths.shape)
             np.multiply(depths, factors, out=depths, casting="same_kind")
 
-    def _draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
+    def _draw(self, order: Order, colours: Pixels | None, depths: Depths | None) -> None:
         model = self._model
         if order.positions is not self._positions:
             self._data.qpos[:] = order.positions
@@ -111,12 +111,15 @@ class Easel:
         where = mujoco.MjrRect(0, 0, order.width, order.height)
         mujoco.mjr_render(where, self._seen, self._pen)
         drawn, values = self._sheet(order.height, order.width)
-        mujoco.mjr_readPixels(drawn, values, where, self._pen)
-        colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
-        values = values[::-1]
-        np.add(values, _OFFSET, out=depths)
-        np.divide(_SLOPE, depths, out=depths)
-        np.copyto(depths, np.float32(np.nan), where=values == 0.0)
+        read = None if colours is None else drawn, None if depths is None else values
+        mujoco.mjr_readPixels(*read, where, self._pen)
+        if colours is not None:
+            colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
+        if depths is not None:
+            values = values[::-1]
+            np.add(values, _OFFSET, out=depths)
+            np.divide(_SLOPE, depths, out=depths)
+            np.copyto(depths, np.float32(np.nan), where=values == 0.0)
 
     def _in_sight(self, order: Order) -> NDArray[np.bool_]:
         """Which geoms a camera may see, shape (number of geoms,): OpenGL would transform all the others for nothing.

@@ -2,9 +2,10 @@
 
 line                                                          does
 {"size": n, "load": m}                                        draws the model in the first m bytes of the memory
-{"size": n, "camera": …, "width": …, "height": …, "positions": …, "textures": […], "noise": …}
+{"size": n, "camera": …, "width": …, "height": …, "parts": …, "positions": …, "textures": […], "noise": …}
                                                               draws: the memory has place for depths and colours, then
-                                                              positions and textures
+                                                              positions and textures; `parts` tells whether colours, and
+                                                              whether depths are wanted
 
 Each is answered by {"error": ""}, or by what is wrong with this machine. The process ends when its input does, or when
 another process has become its parent: then its own has been killed.
@@ -92,7 +93,8 @@ def _draw(easel: Easel, mapped: mmap.mmap, message: dict[str, Any]) -> None:
     noise = Disturbance(*message["noise"]) if message["noise"] else None
     depths = np.frombuffer(mapped, np.float32, pixels).reshape(shape)
     colours = np.frombuffer(mapped, np.uint8, 3 * pixels, 4 * pixels).reshape(*shape, 3)
-    easel.draw(Order(message["camera"], *shape[::-1], positions, textures, noise), colours, depths)
+    parts = (part if wanted else None for part, wanted in zip((colours, depths), message["parts"], strict=True))
+    easel.draw(Order(message["camera"], *shape[::-1], positions, textures, noise), *parts)
 
 
 if __name__ == "__main__":

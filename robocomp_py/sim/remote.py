@@ -86,7 +86,7 @@ class Remote:
         started.model = digest
         started.release()
 
-    def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
+    def draw(self, order: Order, colours: Pixels | None, depths: Depths | None) -> None:
         """Raises DrawingLost."""
         started = self._started
         assert started
@@ -107,13 +107,16 @@ class Remote:
                 "camera": order.camera,
                 "width": order.width,
                 "height": order.height,
+                "parts": [colours is not None, depths is not None],
                 "positions": len(order.positions),
                 "textures": textures,
                 "noise": [noise.seed, noise.camera, noise.ticks, noise.deviation] if noise else None,
             },
         )
-        depths[:] = np.frombuffer(memory, np.float32, pixels).reshape(depths.shape)
-        colours[:] = np.frombuffer(memory, np.uint8, 3 * pixels, 4 * pixels).reshape(colours.shape)
+        if depths is not None:
+            depths[:] = np.frombuffer(memory, np.float32, pixels).reshape(depths.shape)
+        if colours is not None:
+            colours[:] = np.frombuffer(memory, np.uint8, 3 * pixels, 4 * pixels).reshape(colours.shape)
 
     def close(self) -> None:
         """End the process. Idempotent."""

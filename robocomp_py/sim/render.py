@@ -15,6 +15,7 @@ import numpy as np
 
 from ..closing import Closing
 from ..innermodel.axes import Array
+from ..innermodel.camera import Lens
 from ..innermodel.pictures import Pixels
 from ..innermodel.read import InnerModelError
 from ..spelling import unknown
@@ -59,8 +60,8 @@ class Artist(Protocol):
     def load(self, model: mujoco.MjModel) -> None:
         """Draw this model from now on. Raises ConfigurationError if OpenGL cannot be used."""
 
-    def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
-        """Draw into arrays of the size of the order."""
+    def draw(self, order: Order, colours: Pixels | None, depths: Depths | None) -> None:
+        """Draw into arrays of the size of the order. What is None is left out, which takes less time."""
 
     def close(self) -> None:
         """Free what OpenGL has. Idempotent; `load` begins anew."""
@@ -84,23 +85,40 @@ class Renderer(Closing):
         Raises InnerModelError if there is no such camera, ConfigurationError if OpenGL cannot be used, and what the
         artist raises.
         """
+        shape = self.shape(view, camera)
+        if colours is None:
+            colours = np.empty((*shape, 3), np.uint8)
+        if depths is None:
+            depths = np.empty(shape, np.float32)
+        self.draw(view, camera, colours, depths)
+        return Picture(colours, depths)
+
+    def draw(self, view: View, camera: str, colours: Pixels | None, depths: Depths | None) -> None:
+        """Write what a camera sees to arrays. What is None is left out, which takes less time.
+
+        Raises what `picture` raises.
+        """
+        order = self._staged(view).order(view, camera)
+        try:
+            self._artist.draw(order, colours, depths)
+        except BaseException:  # Ctrl-C, too: what it has drawn so far, and of which textures, is not known
+            self.close()
+            raise
+
+    def shape(self, view: View, camera: str) -> tuple[int, int]:
+        """Height and width of what a camera sees. Raises what `picture` raises."""
+        lens = self._staged(view).lens(camera)
+        return round(lens.height), round(lens.width)
+
+    def _staged(self, view: View) -> _Stage:
+        """The stage of a view, which the artist draws."""
         stage = self._stage
         if stage is None or not stage.fits(view):
             self._stage = None
             stage = _Stage(view)
             self._artist.load(stage.model)
             self._stage = stage
-        order = stage.order(view, camera)
-        if colours is None:
-            colours = np.empty((order.height, order.width, 3), np.uint8)
-        if depths is None:
-            depths = np.empty((order.height, order.width), np.float32)
-        try:
-            self._artist.draw(order, colours, depths)
-        except BaseException:  # Ctrl-C, too: what it has drawn so far, and of which textures, is not known
-            self.close()
-            raise
-        return Picture(colours, depths)
+        return stage
 
     def close(self) -> None:
         """Free what OpenGL has. Idempotent; a later picture begins anew."""
@@ -118,7 +136,7 @@ class _Here:
         self.close()
         self._easel = Easel(model)
 
-    def draw(self, order: Order, colours: Pixels, depths: Depths) -> None:
+    def draw(self, order: Order, colours: Pixels | None, depths: Depths | None) -> None:
         assert self._easel
         self._easel.draw(order, colours, depths)
 
@@ -147,11 +165,15 @@ class _Stage:
         sizes, drawn = ({name: pixels.shape for name, pixels in each.items()} for each in (view.shown, self._shown))
         return view.scene is self._scene and sizes == drawn
 
-    def order(self, view: View, camera: str) -> Order:
-        """What is to be drawn for a view that fits. It counts as drawn."""
+    def lens(self, camera: str) -> Lens:
+        """Raises InnerModelError if there is no such camera."""
         if camera not in self._drawn.cameras:
             raise InnerModelError(unknown("camera", camera, self._drawn.cameras))
-        lens, deviation = self._lenses[camera], view.noise.get(camera, 0.0)
+        return self._lenses[camera]
+
+    def order(self, view: View, camera: str) -> Order:
+        """What is to be drawn for a view that fits. It counts as drawn."""
+        lens, deviation = self.lens(camera), view.noise.get(camera, 0.0)
         changed = {name: pixels for name, pixels in view.shown.items() if pixels is not self._shown[name]}
         self._shown |= changed
         return Order(

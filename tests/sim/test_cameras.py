@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import importlib
 import json
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from robocomp_py.cli.rc import main as rc
-from robocomp_py.sim.render import Picture, View
+from robocomp_py.sim.render import View
 from robocomp_py.sim.serve import studio
 from robocomp_py.testing.components import ComponentTest, load_component
 
@@ -179,16 +180,29 @@ def test_pictures_are_published_at_each_compute(house: ComponentTest) -> None:
     assert sizes == {(4, 2), (12, 8)}
 
 
-@pytest.mark.tool
-def test_two_topics_of_a_camera_share_what_is_drawn(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = []
+class Drawn(NamedTuple):
+    ticks: int
+    camera: str
+    has_colours: bool
+    has_depths: bool
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
+    """All that is drawn by components which start from now on."""
+    found = []
 
     class Counting(studio.Renderer):
-        def picture(self, view: View, camera: str, *given: Any) -> Picture:
-            drawn.append((view.ticks, camera))
-            return super().picture(view, camera, *given)
+        def draw(self, view: View, camera: str, colours: Any, depths: Any) -> None:
+            found.append(Drawn(view.ticks, camera, colours is not None, depths is not None))
+            super().draw(view, camera, colours, depths)
 
     monkeypatch.setattr(studio, "Renderer", Counting)
+    return found
+
+
+@pytest.mark.tool
+def test_two_topics_of_a_camera_share_what_is_drawn(folder: Path, drawn: list[Drawn]) -> None:
     with ComponentTest(load_component(folder / "house"), virtual=True) as house:
 
         def simple() -> list[Any]:
@@ -200,7 +214,57 @@ def test_two_topics_of_a_camera_share_what_is_drawn(folder: Path, monkeypatch: p
         house.wait_for(lambda: min(len(simple()), len(both())) >= 3)
         pairs = list(zip(simple()[:3], both()[:3], strict=True))
     assert all(one.image.any() and (one.image == other.image).all() for one, other in pairs)
-    assert len(drawn) == len(set(drawn)), "a picture was drawn twice"
+    assert len(drawn) == len({(each.ticks, each.camera) for each in drawn}), "a picture was drawn twice"
+
+
+@pytest.mark.tool
+def test_calls_and_publications_of_one_instant_share_what_is_drawn(folder: Path, drawn: list[Drawn]) -> None:
+    asked, simple = [], []
+    with ComponentTest(load_component(folder / "house"), virtual=True) as house:
+        for _ in range(6):
+            house.wait_for_computes(2)
+            asked.append([call(house, "eye", "CameraRGBDSimple", each, "") for each in ("getImage", "getDepth")])
+            simple.append(call(house, "corner", "CameraSimple", "getImage"))
+        house.wait_for_computes(1)
+        sent = {image.alivetime: (image, depth) for image, depth in house.received("camerargbdsimplepub.pushRGBD")}
+        small = [each for (each,) in house.received("camerasimplepub.pushImage") if each.width == 4]
+    for image, depth in asked:
+        assert (image.image == sent[image.alivetime][0].image.reshape(-1)).all()
+        assert (depth.depth.view("<f4") == depths_of(sent[depth.alivetime][1]).reshape(-1)).all()
+    for one, other in zip(simple, small[1:12:2], strict=True):
+        assert (one.image == other.image.reshape(-1)).all()
+    times = Counter((each.ticks, each.camera) for each in drawn)
+    assert times.pop((10, "corner")) == 2, "what has one topic is kept from the first call on"
+    assert max(times.values()) == 1
+
+
+@pytest.mark.tool
+def test_a_camera_that_is_paused_is_drawn_once(folder: Path, drawn: list[Drawn]) -> None:
+    with ComponentTest(load_component(folder / "house"), virtual=True) as house:
+        house.call("Simulation.pause")
+        house.wait_for_computes(1)
+        call(house, "eye", "CameraRGBDSimple", "getAll", "")
+        before = len(drawn)
+        house.wait_for_computes(3)
+        assert [each for each in drawn[before:] if each.camera == "eye"] == []
+        times = [image.alivetime for image, _ in house.received("camerargbdsimplepub.pushRGBD")]
+        assert len(set(times)) == len(times)
+
+
+@pytest.mark.tool
+def test_only_what_is_asked_for_is_read_from_opengl(folder: Path, drawn: list[Drawn]) -> None:
+    with ComponentTest(load_component(folder / "house"), virtual=True) as house:
+        call(house, "eye", "CameraRGBDSimple", "getImage", "")
+        assert drawn.pop() == Drawn(0, "eye", has_colours=True, has_depths=False)
+        depths = call(house, "eye", "CameraRGBDSimple", "getDepth", "").depth.view("<f4")
+        assert depths[0] == pytest.approx(3.0, abs=1e-3)
+        assert drawn.pop() == Drawn(0, "eye", has_colours=True, has_depths=True), "from now on, both"
+        call(house, "eye", "RGBD", "getImage")
+        assert drawn == []
+        house.wait_for_computes(2)
+        call(house, "corner", "CameraSimple", "getImage")
+        assert {each.has_depths for each in drawn if each.camera == "corner"} == {False}
+        assert {each.has_depths for each in drawn if each.camera == "eye"} == {True}, "one topic has depths"
 
 
 @pytest.mark.tool

@@ -5,8 +5,10 @@ Pictures are those of the moment at which they are asked for, or published. See 
 
 from __future__ import annotations
 
+import functools
 import inspect
 import logging
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -27,10 +29,10 @@ from ...runtime.ports import has_subscribers
 from ..drawing import Depths
 from ..looks import picture_of
 from ..remote import DrawingLost
-from ..render import Picture, Renderer, View
+from ..render import Renderer, View
 from .bases import state
 from .motors import states
-from .studio import Shot, Studio
+from .studio import Part, Shot, Studio
 from .values import declared, filled, operation, records
 
 if TYPE_CHECKING:
@@ -59,9 +61,9 @@ class Camera:
     motors: tuple[str, ...]
     """The joints whose states come with a picture."""
 
-    def shot(self) -> Shot:
+    def shot(self, parts: Part) -> Shot:
         """What it sees now. Handlers may run meanwhile."""
-        return self.studio.shot(self.world.view(), self.node.id, self.time)
+        return self.studio.shot(self.world.view(), self.node.id, self.time, parts)
 
     @property
     def time(self) -> int:
@@ -111,10 +113,10 @@ class _CameraHandler(InstanceHandler):
     def __init__(self, camera: Camera, interface: Interface) -> None:
         self._camera, self._interface = camera, interface
 
-    def _shot(self, name: str) -> Shot:
+    def _shot(self, name: str, parts: Part) -> Shot:
         """Raises the declared exception of an operation if there is no picture."""
         try:
-            return self._camera.shot()
+            return self._camera.shot(parts)
         except (RobocompError, TimeoutError) as exc:
             raise declared(self._interface, name, "HardwareFailedException", str(exc)) from exc
 
@@ -125,7 +127,7 @@ class _CameraHandler(InstanceHandler):
 class CameraSimpleHandler(_CameraHandler):
     def getImage(self) -> Any:
         """The colours of now."""
-        shot, (kind,) = self._shot("getImage"), self._kinds("getImage")
+        shot, (kind,) = self._shot("getImage", Part.COLOURS), self._kinds("getImage")
         return self._camera.image(kind, shot.picture.colours, shot.time)
 
 
@@ -134,22 +136,22 @@ class CameraRGBDSimpleHandler(_CameraHandler):
 
     def getImage(self, camera: str) -> Any:
         """The colours of now."""
-        shot, (kind,) = self._shot("getImage"), self._kinds("getImage")
+        shot, (kind,) = self._shot("getImage", Part.COLOURS), self._kinds("getImage")
         return self._camera.image(kind, shot.picture.colours, shot.time)
 
     def getDepth(self, camera: str) -> Any:
         """The distances of now, m."""
-        shot, (kind,) = self._shot("getDepth"), self._kinds("getDepth")
+        shot, (kind,) = self._shot("getDepth", Part.DEPTHS), self._kinds("getDepth")
         return self._camera.depth(kind, shot.picture.depths, shot.time)
 
     def getPoints(self, camera: str) -> Any:
         """The points of now, m."""
-        shot, (kind,) = self._shot("getPoints"), self._kinds("getPoints")
+        shot, (kind,) = self._shot("getPoints", Part.DEPTHS), self._kinds("getPoints")
         return self._points(kind, shot)
 
     def getAll(self, camera: str) -> Any:
         """Colours, distances and points of now."""
-        shot, (kind,) = self._shot("getAll"), self._kinds("getAll")
+        shot, (kind,) = self._shot("getAll", Part.COLOURS | Part.DEPTHS), self._kinds("getAll")
         assert isinstance(kind, Struct)
         made: dict[str, Callable[[Type], Any]] = {
             "image": lambda each: self._camera.image(each, shot.picture.colours, shot.time),
@@ -164,6 +166,10 @@ class CameraRGBDSimpleHandler(_CameraHandler):
         x, y, z = self._camera.points(shot.picture.depths).T
         values = {"points": records(points, {"x": x, "y": y, "z": z})}
         return filled(kind, values | self._camera.about(shot.time))
+
+
+_COLOURED, _DEEP = {"rgbMatrix", "color"}, {"distanceMatrix", "depth", "points", "pointStream"}
+"""Results of RGBD."""
 
 
 class RGBDHandler(_CameraHandler):
@@ -242,7 +248,9 @@ class RGBDHandler(_CameraHandler):
         """The results of an operation, by their names."""
         outputs = operation(self._interface, name).outputs
         carried = {each.name: self._carried(each.name, each.type) for each in outputs}
-        colours, depths = self._shot(name).picture
+        is_coloured, is_deep = (any(each.name in names for each in outputs) for names in (_COLOURED, _DEEP))
+        parts = (Part.COLOURS if is_coloured else Part(0)) | (Part.DEPTHS if is_deep else Part(0))
+        colours, depths = self._shot(name, parts).picture
         red, green, blue = colours.reshape(-1, 3).T
         made: dict[str, Callable[[Type], Any]] = {
             "rgbMatrix": lambda kind: colours.reshape(-1),
@@ -304,8 +312,8 @@ class DisplayHandler(InstanceHandler):
 class CameraPublication:
     """Publishes what a camera sees, on each of its topics that is heard.
 
-    A picture is drawn once, into the memory that is sent, and copied for further topics. Those for which there is no
-    time are left out.
+    A picture is drawn once, into the memory that is sent if no other topic and no client of the camera needs it. Those
+    for which there is no time are left out.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -326,34 +334,35 @@ class CameraPublication:
         """Publish what it sees now, unless the picture before is still being drawn."""
         heard = [each for each in self._topics.values() if each.is_heard]
         if heard and (self._drawing is None or self._drawing.done()):
-            view, time = self._camera.world.view(), self._camera.time
-            self._drawing = self._camera.studio.do(partial(self._publish, heard, view, time))
+            camera = self._camera
+            kept = camera.studio.wanted(camera.node.id)
+            if len(heard) > 1:
+                kept |= functools.reduce(operator.or_, (each.parts for each in heard))
+            canvas = _Canvas(camera, camera.world.view(), camera.time, kept)
+            self._drawing = camera.studio.do(partial(_publish, heard, canvas))
 
-    def _publish(self, heard: Sequence[_Topic], view: View, time: int, renderer: Renderer) -> None:
-        canvas = _Canvas(renderer, view, self._camera.node.id, is_kept=len(heard) > 1)
-        for each in heard:
-            each.publish(canvas, time)
+
+def _publish(heard: Sequence[_Topic], canvas: _Canvas, renderer: Renderer) -> None:
+    for each in heard:
+        each.publish(canvas, renderer)
 
 
+@dataclass(frozen=True)
 class _Canvas:
-    """A picture that is drawn when a topic first asks for it."""
+    """What is drawn of a camera."""
 
-    def __init__(self, renderer: Renderer, view: View, camera: str, *, is_kept: bool) -> None:
-        """With `is_kept`, the picture is kept for further topics."""
-        self._renderer, self._view, self._camera, self._is_kept = renderer, view, camera, is_kept
-        self._picture: Picture | None = None
+    camera: Camera
+    view: View
+    time: int
+    """ms."""
+    kept: Part
+    """What other topics, or calls, need of it."""
 
-    def fill(self, colours: Pixels | None, depths: Depths | None) -> None:
-        """Write it to the arrays that are given."""
-        if self._picture is None:
-            drawn = self._renderer.picture(self._view, self._camera, colours, depths)
-            if self._is_kept:
-                self._picture = Picture(drawn.colours.copy(), drawn.depths.copy())
-            return
-        if colours is not None:
-            colours[:] = self._picture.colours
-        if depths is not None:
-            depths[:] = self._picture.depths
+    def fill(self, renderer: Renderer, colours: Pixels | None, depths: Depths | None) -> None:
+        """Write it to arrays."""
+        camera = self.camera
+        given = (renderer, self.view, camera.node.id, self.time)
+        camera.studio.fill(*given, colours=colours, depths=depths, kept=self.kept)
 
 
 class _Topic:
@@ -367,6 +376,8 @@ class _Topic:
         fields = [path[-1].name for path, _ in arrays(self._inputs)]
         self._arrays = list(zip(inspect.signature(self._loan).parameters, fields, strict=False))
         """The arguments of the loan, and the names of the fields that they are the shapes of."""
+        self.parts = Part.COLOURS | Part.DEPTHS if "depth" in fields else Part.COLOURS
+        """What is published."""
         self._is_broken = False
         self._told = ""
         """Why the last picture was not published; "" if it was."""
@@ -375,15 +386,15 @@ class _Topic:
     def is_heard(self) -> bool:
         return not self._is_broken and has_subscribers(self._proxy)
 
-    def publish(self, canvas: _Canvas, time: int) -> None:
+    def publish(self, canvas: _Canvas, renderer: Renderer) -> None:
         camera = self._camera.node.id
         try:
             height, width = self._camera.size
             shapes = {"image": (height, width, 3), "depth": (height, width * 4)}
             with self._loan(**{each: shapes.get(name, 0) for each, name in self._arrays}) as message:
-                found = self._fill(message, self._camera.about(time) | {"depthFactor": 1.0})
+                found = self._fill(message, self._camera.about(canvas.time) | {"depthFactor": 1.0})
                 depths = found.get("depth")
-                canvas.fill(found.get("image"), None if depths is None else depths.view(np.float32))
+                canvas.fill(renderer, found.get("image"), None if depths is None else depths.view(np.float32))
             self._told = ""
         except Closed:
             self._is_broken = True

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from enum import Flag, auto
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
+from ...innermodel.pictures import Pixels
 from ...threads import fulfil
+from ..drawing import Depths
 from ..remote import Remote
 from ..render import Picture, Renderer, View
 
@@ -16,11 +21,23 @@ T = TypeVar("T")
 LONGEST = 60.0
 """How long a picture is waited for, s."""
 
+_KEPT = 8
+"""How many publications after a call are kept for the next call. To keep one takes a tenth of the time of drawing."""
+
+
+class Part(Flag):
+    """What a picture consists of. Each takes time."""
+
+    COLOURS = auto()
+    DEPTHS = auto()
+
 
 class Shot(NamedTuple):
     """A picture, and when it was taken."""
 
     picture: Picture
+    """Read-only. An array is empty if it was not asked for."""
+    parts: Part
     time: int
     """ms on the clock of the component."""
 
@@ -50,6 +67,10 @@ class Studio:
         self._pool = ThreadPoolExecutor(1, "cameras") if suspended else None
         self._latest: dict[str, tuple[View, Shot]] = {}
         """By camera."""
+        self._asked: dict[str, Part] = {}
+        """What was asked of each camera so far: a client that asks for one part after the other has one picture."""
+        self._keeps: dict[str, int] = {}
+        """By camera: how many publications are still kept for calls."""
 
     def do(self, job: Callable[[Renderer], T]) -> Future[T]:
         """Let a job draw, after those before it."""
@@ -59,21 +80,68 @@ class Studio:
         fulfil(done, lambda: job(self._renderer))
         return done
 
-    def shot(self, view: View, camera: str, time: int) -> Shot:
-        """The picture of a view. It is read-only, and drawn once, however often it is asked for.
+    def shot(self, view: View, camera: str, time: int, parts: Part) -> Shot:
+        """The picture of a view. It is drawn once, however often it is asked for or published.
 
         While the caller waits, handlers may run.
         """
-        before = self._latest.get(camera)
-        if before and before[0].is_like(view):
-            return before[1]
-        drawing = self.do(lambda renderer: renderer.picture(view, camera))
+        self._keeps[camera] = _KEPT
+        self._asked[camera] = wanted = parts | self._asked.get(camera, parts)
+        if known := self._known(view, camera, parts):
+            return known
+        drawing = self.do(lambda renderer: self._drawn(renderer, view, camera, time, wanted))
         with self._suspended():
-            picture = drawing.result(LONGEST)
-        for array in picture:
-            array.flags.writeable = False
-        self._latest[camera] = view, Shot(picture, time)
-        return self._latest[camera][1]
+            return drawing.result(LONGEST)
+
+    def wanted(self, camera: str) -> Part:
+        """The parts of the picture that is about to be published which a call may ask for, too."""
+        left = self._keeps.get(camera, 0)
+        if not left:
+            return Part(0)
+        self._keeps[camera] = left - 1
+        return self._asked[camera]
+
+    def fill(
+        self,
+        renderer: Renderer,
+        view: View,
+        camera: str,
+        time: int,
+        *,
+        colours: Pixels | None,
+        depths: Depths | None,
+        kept: Part,
+    ) -> None:
+        """Write the picture of a view to arrays, in the thread that draws. The parts in `kept` are kept for others."""
+        parts = _parts(colours, depths)
+        shot = self._known(view, camera, parts)
+        if shot is None and kept:
+            shot = self._drawn(renderer, view, camera, time, parts | kept)
+        if shot is None:
+            renderer.draw(view, camera, colours, depths)
+            return
+        if colours is not None:
+            colours[:] = shot.picture.colours
+        if depths is not None:
+            depths[:] = shot.picture.depths
+
+    def _known(self, view: View, camera: str, parts: Part) -> Shot | None:
+        """The last picture, if it is that of a view and has all these parts."""
+        before, shot = self._latest.get(camera, (None, None))
+        return shot if before and shot and parts in shot.parts and before.is_like(view) else None
+
+    def _drawn(self, renderer: Renderer, view: View, camera: str, time: int, parts: Part) -> Shot:
+        """The picture of a view, in the thread that draws: what was drawn while the caller waited is known."""
+        if known := self._known(view, camera, parts):
+            return known
+        height, width = renderer.shape(view, camera)
+        colours = np.empty((height, width, 3) if Part.COLOURS in parts else (0, 0, 3), np.uint8)
+        depths = np.empty((height, width) if Part.DEPTHS in parts else (0, 0), np.float32)
+        renderer.draw(view, camera, colours if colours.size else None, depths if depths.size else None)
+        colours.flags.writeable = depths.flags.writeable = False
+        shot = Shot(Picture(colours, depths), parts, time)
+        self._latest[camera] = view, shot
+        return shot
 
     def close(self) -> None:
         """Wait for what is being drawn, and free OpenGL."""
@@ -81,3 +149,7 @@ class Studio:
             self._pool.shutdown(wait=True)
         if not self._is_lent:
             self._renderer.close()
+
+
+def _parts(colours: Pixels | None, depths: Depths | None) -> Part:
+    return (Part(0) if colours is None else Part.COLOURS) | (Part(0) if depths is None else Part.DEPTHS)
