@@ -165,6 +165,14 @@ _LockstepFollower_step: Operation[Report] = Operation(
     idempotent=True,
     doc="Do all that is due until this instant. It may come back before that is done.",
 )
+_LockstepFollower_tell: Operation[Report] = Operation(
+    "RoboCompLockstep::LockstepFollower",
+    "tell",
+    inputs=(Field("now", INT64),),
+    outputs=(Field("ret", Report.__contract__),),
+    idempotent=True,
+    doc="Show this instant to handlers. What is due waits for `step`.",
+)
 _LockstepFollower_look: Operation[Report] = Operation(
     "RoboCompLockstep::LockstepFollower",
     "look",
@@ -191,6 +199,7 @@ LOCKSTEPFOLLOWER_INTERFACE = Interface(
     "RoboCompLockstep::LockstepFollower",
     (
         _LockstepFollower_step,
+        _LockstepFollower_tell,
         _LockstepFollower_look,
         _LockstepFollower_counters,
         _LockstepFollower_line,
@@ -278,6 +287,17 @@ class LockstepFollowerProxy(Proxy):
     def stepAsync(self, now: int, *, deadline: float | None = None) -> Future[Report]:
         """Call `step` without waiting. The Future is done within the deadline."""
         return self._ask_async(_LockstepFollower_step, (now,), deadline)
+
+    def tell(self, now: int, *, deadline: float | None = None) -> Report:
+        """Show this instant to handlers. What is due waits for `step`.
+
+        IDSL: idempotent Report tell(int64 now)
+        """
+        return self._ask(_LockstepFollower_tell, (now,), deadline)
+
+    def tellAsync(self, now: int, *, deadline: float | None = None) -> Future[Report]:
+        """Call `tell` without waiting. The Future is done within the deadline."""
+        return self._ask_async(_LockstepFollower_tell, (now,), deadline)
 
     def look(self, last: Report, *, deadline: float | None = None) -> Report:
         """Wait until its report differs from the last one, but not long.

@@ -16,11 +16,14 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
+from ..runtime.clock import NEVER
 from .balance import State
 from .helm import ANY_CORE, Alarm, Helm
-from .line import MOST, QUESTION, STEP, bound, is_own, pack_answer, unpack_answer
+from .line import LOOK, MOST, QUESTION, STEP, TELL, bound, is_own, pack_answer, unpack_answer
 
 log = logging.getLogger("robocomp.clock")
+
+_NO_STATE = State(NEVER, True, 0, ())
 
 
 class Answers(Protocol):
@@ -31,6 +34,9 @@ class Answers(Protocol):
 
         Its event need not be set then.
         """
+
+    def tell(self, now: int) -> State:
+        """Show an instant to handlers. What is due waits for `work`."""
 
     def watch(self, last: State, asking: threading.Event | None) -> State:
         """Wait until its state differs from the last one, but not long, and not if the event is set."""
@@ -52,8 +58,8 @@ class Answering:
         self._connected: socket.socket | None = None
         self._polls: dict[Alarm, Callable[[float], list[tuple[int, int]]]] = {}
         """Wait for a question, or for the alarm, at most for a time in milliseconds."""
-        self._question: tuple[int, int, State | None] | None = None
-        """The one that is not answered yet: its number, and the instant of a step, or the last state for a look."""
+        self._question: tuple[int, int, int, State] | None = None
+        """The one that is not answered yet: its number, its kind, its instant, and the last state for a look."""
         self._buffer = bytearray(MOST)  # a new one for each question costs more than the question
         self._closed = False
         self._lock = threading.Lock()
@@ -96,10 +102,15 @@ class Answering:
         answers, buffer, poll = self._answers, self._buffer, self._polls[by]
         while True:
             if self._question:
-                number, now, last = self._question
-                state = answers.work(now, asking) if last is None else answers.watch(last, asking)
-                if state is None:
-                    return True
+                number, kind, now, last = self._question
+                if kind == STEP:
+                    state = answers.work(now, asking)
+                    if state is None:
+                        return True
+                elif kind == TELL:
+                    state = answers.tell(now)
+                else:
+                    state = answers.watch(last, asking)
                 sock.send(pack_answer(number, state))
                 self._question = None
             by.is_polled = True
@@ -112,7 +123,8 @@ class Answering:
             if not size:
                 raise OSError("the connection has ended")
             number, kind, now, self.core = QUESTION.unpack_from(buffer)
-            self._question = number, now, None if kind == STEP else unpack_answer(buffer, QUESTION.size, size)[1]
+            last = unpack_answer(buffer, QUESTION.size, size)[1] if kind == LOOK else _NO_STATE
+            self._question = number, kind, now, last
 
     # The connection.
 

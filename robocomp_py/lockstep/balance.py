@@ -94,6 +94,13 @@ class Balance:
     def __init__(self, counters: Mapping[str, Sequence[Counter]]) -> None:
         self.flows = [*_topics(counters), *_commands_and_calls(counters)]
 
+    @property
+    def receivers(self) -> set[str]:
+        """The instances to which others send something."""
+        return {
+            name for flow in self.flows for name, _ in flow.receivers if any(name != each for each, _ in flow.senders)
+        }
+
     def under_way(self, numbers: Numbers) -> list[Flow]:
         """The flows with messages that are not handled yet."""
         return [flow for flow in self.flows if flow.under_way(numbers) > 0]

@@ -67,9 +67,11 @@ _MOVES = 1000
 
 
 class _Asked(Protocol):
-    """Is asked a question by `step` or `look`; then `answer` is called, until it returns the state."""
+    """Is asked a question by `step`, `tell` or `look`; then `answer` is called, until it returns the state."""
 
     def step(self, now: int) -> None: ...
+
+    def tell(self, now: int) -> None: ...
 
     def look(self, last: State) -> None: ...
 
@@ -85,20 +87,20 @@ class _Near:
 
     def __init__(self, member: Seated) -> None:
         self._member = member
-        self._now: int | None = None
-        self._last = _UNKNOWN
+        self._question: Callable[[Alarm | None], State | None] = lambda asking: _UNKNOWN
         self.counters = member.counters
 
     def step(self, now: int) -> None:
-        self._now = now
+        self._question = partial(self._member.work, now)
+
+    def tell(self, now: int) -> None:
+        self._question = lambda asking: self._member.tell(now)
 
     def look(self, last: State) -> None:
-        self._now, self._last = None, last
+        self._question = partial(self._member.watch, last)
 
     def answer(self, asking: Alarm | None) -> State | None:
-        if self._now is None:
-            return self._member.watch(self._last, asking)
-        return self._member.work(self._now, asking)
+        return self._question(asking)
 
 
 class _Far:
@@ -110,6 +112,9 @@ class _Far:
 
     def step(self, now: int) -> None:
         self._question = partial(self._proxy.step, now, deadline=_DEADLINE)
+
+    def tell(self, now: int) -> None:
+        self._question = partial(self._proxy.tell, now, deadline=_DEADLINE)
 
     def look(self, last: State) -> None:
         self._question = partial(self._proxy.look, last.report(), deadline=_DEADLINE)
@@ -126,7 +131,7 @@ class _OnLine:
 
     def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
         self._proxy, self.line = proxy, line
-        self.step, self.look, self.answer = line.step, line.look, line.answer
+        self.step, self.tell, self.look, self.answer = line.step, line.tell, line.look, line.answer
 
     def counters(self) -> Sequence[Counter]:
         return self._proxy.counters(deadline=_DEADLINE)
@@ -196,6 +201,8 @@ class Leader:
         self._are_quick = False
         """Whether questions to all of them take little."""
         self._balance = Balance({})
+        self._receivers: set[str] = set()
+        """The components to which others send something."""
         self._is_outdated = False
         """Whether a call was made whose handler may have sent something that is not known yet."""
         self._is_level = True
@@ -391,9 +398,14 @@ class Leader:
         if not self._is_level:
             self._is_level = True
             yield from self._settle()
-        for each in seats:
+        is_first = True
+        for each in seats:  # so that handlers see the time
             if each.state.due > instant:
-                yield from self._ask(each, each.asked.step, instant)  # so that its handlers see the time
+                yield from self._ask(each, each.asked.step, instant)
+            elif not is_first and each.name in self._receivers:
+                yield from self._ask(each, each.asked.tell, instant)
+            else:
+                is_first = False
         for each in seats:
             if each.state.due <= instant and each in self._seats:
                 before = each.state
@@ -475,6 +487,7 @@ class Leader:
                     self._drop(seat, f"is gone ({exc})")
         self._balance = Balance({each.name: each.counters for each in self._seats})
         self._balance.level(self._numbers(), all=True)
+        self._receivers = self._balance.receivers
 
     def _drop(self, seat: _Seat, why: str) -> None:
         with self._lock:

@@ -2,7 +2,7 @@
 
 This is the leader's end, and the form of the messages; that of the follower is in `answering.py`.
 
-    question    number, kind, instant, core                    for a step
+    question    number, kind, instant, core                    for a step, or to tell an instant
                 number, kind, 0, core, the last answer         for a look
     answer      number, the state
 
@@ -28,7 +28,7 @@ from .helm import ANY_CORE
 
 log = logging.getLogger("robocomp.clock")
 
-STEP, LOOK = 0, 1
+STEP, LOOK, TELL = range(3)
 QUESTION = struct.Struct("<IBqh")
 _ANSWER = "<Iq?iq{}q"
 _ANSWER_SIZE = struct.calcsize(_ANSWER.format(0))
@@ -41,9 +41,9 @@ _SLICE = 0.05
 
 
 class Line:
-    """The leader's end. Used by one thread at a time, for one question at a time: `step` or `look`, then `answer`.
+    """The leader's end. Used by one thread at a time. A question is `step`, `tell` or `look`; then `answer` is called.
 
-    All three raise Unreachable if the follower is gone.
+    All of them raise Unreachable if the follower is gone.
     """
 
     def __init__(self, sock: socket.socket, deadline: float) -> None:
@@ -60,6 +60,10 @@ class Line:
     def step(self, now: int) -> None:
         """Have it do all that is due until an instant."""
         self._ask(STEP, now, b"")
+
+    def tell(self, now: int) -> None:
+        """Have it show an instant to its handlers."""
+        self._ask(TELL, now, b"")
 
     def look(self, last: State) -> None:
         """Have it tell its state, as soon as that differs from the last one."""

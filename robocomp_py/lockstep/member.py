@@ -140,6 +140,9 @@ class Member:
     def LockstepFollower_step(self, now: int) -> Report:
         return (self.work(now) or self._state()).report()
 
+    def LockstepFollower_tell(self, now: int) -> Report:
+        return self.tell(now).report()
+
     def LockstepFollower_look(self, last: Report) -> Report:
         return self.watch(State.of(last)).report()
 
@@ -184,6 +187,11 @@ class Member:
             elapsed = time.monotonic()
             if is_busy:
                 quiet = elapsed
+
+    def tell(self, now: int) -> State:
+        """Show an instant to handlers. What is due waits for `work`."""
+        self.clock.set(now)
+        return self._state()
 
     def watch(self, last: State, asking: threading.Event | None = None) -> State:
         """Wait until its state differs from the last one, but not long.

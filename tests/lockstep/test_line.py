@@ -41,6 +41,9 @@ class Follower:
             call()
         return None if asking and asking.is_set() else State(now, False, 7, ())
 
+    def tell(self, now: int) -> State:
+        return State(now, True, 8, ())
+
     def watch(self, last: State, asking: threading.Event | None) -> State:
         return last
 
@@ -121,6 +124,10 @@ class Asking:
         self._line.step(now)
         return self._answer()
 
+    def tell(self, now: int) -> State:
+        self._line.tell(now)
+        return self._answer()
+
     def look(self, last: State) -> State:
         self._line.look(last)
         return self._answer()
@@ -142,6 +149,7 @@ def asking(answers: Answering, deadline: float = SOON) -> Iterator[Asking]:
 def test_instants_and_states_arrive_as_they_were_sent() -> None:
     with answering(Follower()) as answers, asking(answers) as line:
         assert [line.step(now) for now in (0, 2**62)] == [State(0, False, 7, ()), State(2**62, False, 7, ())]
+        assert line.tell(3) == State(3, True, 8, ())
         assert line.look(A_STATE) == A_STATE
 
 

@@ -151,6 +151,32 @@ def test_the_story_is_the_same_over_every_middleware_as_in_virtual_time(middlewa
     assert (sun, earth, moon) == in_virtual_time()
 
 
+class Hearing(Sun):
+    """Hears the sun, and computes at the same instants."""
+
+    component = Component(
+        "hearing", (Port(Verb.SUBSCRIBES, e.EVERYTHING, qos=PRESETS["services_default"]),), period=0.05
+    )
+
+    def compute(self) -> None:
+        self.entries.append(f"compute at {self.ms}")
+
+    def Everything_news(self, number: int, text: str) -> None:
+        self.entries.append(f"news {number} at {self.ms}")
+
+
+@pytest.mark.parametrize("middleware", MIDDLEWARES)
+def test_a_handler_sees_the_present_instant_also_if_its_component_is_yet_to_compute(middleware: str) -> None:
+    over = f"middleware={middleware}"
+    with (
+        running(make(Sun, find_transport, over, *leading("moon"), name="sun"), ready=False),
+        running(make(Hearing, find_transport, over, "clock.leader=sun", name="moon"), ready=False) as moon,
+    ):
+        wait_until(lambda: "compute at 200" in moon.entries)
+    entries = moon.entries[1 : moon.entries.index("compute at 200") + 1]
+    assert entries[-4:] == ["news 4 at 150", "compute at 150", "news 5 at 200", "compute at 200"]
+
+
 class Asking(Moon):
     """A leader that asks the earth, whose answer takes some time."""
 

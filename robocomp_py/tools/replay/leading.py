@@ -230,6 +230,9 @@ class _Member:
             self._take()
         return self._state()
 
+    def tell(self, now: int) -> State:
+        return self._state()
+
     def watch(self, last: State, asking: threading.Event | None) -> State:
         return self._state()
 
