@@ -14,6 +14,7 @@ from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
     Wrong,
+    add_definitions,
     add_middleware,
     add_request,
     add_waiting,
@@ -69,6 +70,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--json", action="store_true", help="print a line of JSON for each call, also for a declared exception"
     )
+    add_definitions(to)
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from .common import FINE
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, TOPIC, add_json, add_middleware, add_waiting, awaited, reported
+from .live import EXIT_STATUS, TOPIC, add_definitions, add_json, add_middleware, add_waiting, awaited, reported
 
 if TYPE_CHECKING:
     from ..tools.actions import Offered
@@ -41,6 +41,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Show the operation, its types, and the processes on both sides, as they announce them."
     to.epilog = _EXAMPLES
     completed(to.add_argument("name", metavar="NAME", help=TOPIC), What.CHANNEL)
+    add_definitions(to)
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)

@@ -101,10 +101,24 @@ def add_topics(to: argparse.ArgumentParser) -> None:
     """What commands that listen take."""
     topics = to.add_argument("topics", nargs="+", metavar="NAME", help=TOPIC)
     completed(topics, What.TOPIC)
+    add_definitions(to)
     to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_waiting(to)
     add_middleware(to)
     add_json(to)
+
+
+def add_definitions(to: argparse.ArgumentParser) -> None:
+    """Where `definitions` searches."""
+    to.add_argument(
+        "-I",
+        dest="include",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="DIR",
+        help="a folder of IDSL files, for programs that do not announce their contracts; may be repeated",
+    )
 
 
 def add_request(to: argparse.ArgumentParser) -> None:
@@ -144,6 +158,7 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     from ..errors import HostUnreachable
     from ..spelling import and_then
     from ..tools.census import take_census
+    from .definitions import define
     from .progress import Progress
 
     census = hosts.census if hosts else take_census
@@ -151,7 +166,10 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     with Progress(f"rc {options.command}") as progress:
         while True:
             try:
-                return pick(census(options.middleware, own=True))
+                network = census(options.middleware, own=True)
+                if "include" in options:
+                    define(network, options.include)
+                return pick(network)
             except ValueError as exc:
                 if isinstance(exc, Wrong) or time.monotonic() > end:
                     if hosts and hosts.lost:

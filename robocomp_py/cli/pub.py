@@ -12,6 +12,7 @@ from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
     TOPIC,
+    add_definitions,
     add_json,
     add_middleware,
     add_request,
@@ -56,6 +57,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="keep the last message, until Ctrl-C, for subscribers that come later and ask for transient_local",
     )
     add_yes(to)
+    add_definitions(to)
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)

@@ -168,14 +168,19 @@ class Channel:
         """The different contracts by their fingerprints, those of providers first."""
         found: dict[int, str] = {}
         for each in (*self.providers, *self.users):
-            found.setdefault(each.told.fingerprint, each.told.text)
+            found[each.told.fingerprint] = found.get(each.told.fingerprint) or each.told.text
         return found
 
     @cached_property
     def operation(self) -> Operation[Any]:
         """As its providers announce it. Raises NotUnderstood."""
+        text = next(iter(self.texts.values()))
+        if not text:
+            raise NotUnderstood(
+                f"nothing announces the contract of {self.name}; its IDSL file has it: rc info {self.name} -I DIR"
+            )
         try:
-            return _understood(next(iter(self.texts.values())))
+            return _understood(text)
         except ValueError as exc:
             raise NotUnderstood(f"the contract of {self.name} is not understood: {exc}") from exc
 
@@ -253,6 +258,20 @@ class Network:
         for each in self._stock:
             _add(found, each)
         return found
+
+    def undefined(self) -> dict[int, str]:
+        """The fingerprints of contracts of which nothing announces the text, each with the name of its interface."""
+        return {
+            fingerprint: channel.interface
+            for channel in self.channels.values()
+            for fingerprint, text in channel.texts.items()
+            if not text
+        }
+
+    def define(self, texts: Mapping[int, str]) -> None:
+        """Complete ends that do not announce their contract, by its fingerprint."""
+        for channel in self.channels.values():
+            channel.ends = [_defined(each, texts) for each in channel.ends]
 
     def components(self, *, tools: bool = False) -> list[Running]:
         """In the order of their names; with `tools`, also commands such as `rc echo`."""
@@ -350,6 +369,11 @@ def _add(channels: dict[str, Channel], end: End) -> None:
     if channel is None:
         channel = channels[name] = Channel(name, PATTERNS[end.role])
     channel.ends.append(end)
+
+
+def _defined(end: End, texts: Mapping[int, str]) -> End:
+    text = end.told.text or texts.get(end.told.fingerprint, "")
+    return replace(end, told=end.told._replace(text=text))
 
 
 def _is_understood(told: Told) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from robocomp_py.cli.rc import main as rc
 from robocomp_py.contract.interface import Operation, Pattern
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.contract.types import FLOAT32, INT32, TIME, Field, Sequence, Struct
@@ -102,6 +103,46 @@ def test_a_plain_program_serves_a_component(transport: ZenohTransport, plain: St
     reply = caller.ask(transport.codec.encoder(divide.request)((17, 5)), SOON)
     assert transport.codec.decoder(divide.response)(reply.payload) == (3, 2)
     assert told(program) == ["answered 17 / 5", NONE_OF_OURS]
+
+
+INTERFACE = """\
+module Conformance
+{
+    exception Failed { string what; int code; };
+    interface Everything
+    {
+        [query] long divide(long dividend, long divisor, out long remainder) throws Failed;
+        [publish] void news(int number, string text);
+    };
+};
+"""
+
+
+def test_tools_find_the_contract_of_a_plain_program_in_an_idsl_file(
+    transport: ZenohTransport, plain: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
+    over = ("--middleware", "zenoh")
+    program = plain("serve", "plain/Everything/divide", f"{divide.fingerprint:016x}")
+    assert rc(["info", "plain/Everything/divide", *over, "--timeout", str(SOON)]) == 0
+    assert "nothing announces the contract of plain/Everything/divide" in capsys.readouterr().out
+    question = ("plain/Everything/divide", "dividend=17", "divisor=5")
+    assert rc(["call", *question, *over]) == 1
+    assert "its IDSL file has it: rc info plain/Everything/divide -I DIR" in capsys.readouterr().err
+    assert rc(["call", *question, *over, "-I", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == '{"ret": 3, "remainder": 2}\n'
+    assert told(program) == ["answered 17 / 5", NONE_OF_OURS]
+
+
+def test_tools_hear_a_plain_program_whose_contract_is_in_an_idsl_file(
+    transport: ZenohTransport, plain: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
+    program = plain("publish", "plain/Everything/news", f"{news.fingerprint:016x}", "8", "goodbye")
+    words = ["echo", "plain/Everything/news", "-n", "1", "--json", "--middleware", "zenoh", "-I", str(tmp_path)]
+    assert rc([*words, "--timeout", str(SOON)]) == 0
+    assert '{"number": 8, "text": "goodbye"}' in capsys.readouterr().out
+    program.kill()
 
 
 # What the page shows.
