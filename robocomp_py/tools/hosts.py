@@ -204,20 +204,23 @@ class Hosts(Closing):
 
 
 def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:
-    """By host, the options of middlewares with which components there meet; "" is this host.
+    """By host, the options of middlewares with which a tool there meets components; "" is this host.
 
-    Those that keep a folder on each host have no need of them, and those with keys admit operators only.
+    Those with keys admit operators only.
     """
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for plan in plans.values():
         keyed = {each["middleware"] for each in plan.get("helpers", ()) if each["keys"]}
+        addresses = {each["name"]: each.get("address", "") for each in plan.get("hosts", ())}
         for process in plan.get("processes", ()):
             words = process.get("command", ())
             set_ = (word for before, word in pairwise(words) if before == "--set" and word.startswith("transports."))
             said = {word.partition("=")[0]: word for word in set_}  # components that share a process have the same
             for name, options in tomllib.loads("\n".join(said.values())).get("transports", {}).items():
-                if name not in keyed and not deployment_of(name).directory:
-                    found.setdefault(process.get("host", ""), {}).setdefault(name, options)
+                host = process.get("host", "")
+                needed = {} if name in keyed else deployment_of(name).observing(options, addresses.get(host, ""))
+                if needed:
+                    found.setdefault(host, {}).setdefault(name, needed)
     return found
 
 

@@ -191,6 +191,12 @@ class Deployment:
         """A new public and secret key of a process, 40 characters of Z85 each; empty if it needs none."""
         return b"", b""
 
+    def observing(self, options: Mapping[str, Any], address: str) -> Mapping[str, Any]:
+        """The options of a tool on a host whose components have these options; empty if it needs none, as where all
+        meet in a folder. `address` is that of the host for others, "" for the machine of `rcdeploy`.
+        """
+        return {} if self.directory else options
+
     def visiting(self, options: Mapping[str, Any], keys: str, *, is_here: bool) -> Mapping[str, Any]:
         """The options of a tool that takes part by a helper with these options, as the operator whose folder of keys
         this is; empty if it needs none. `is_here`: whether the helper runs on this host.

@@ -38,6 +38,13 @@ class IceDeployment(Deployment):
 
         return ports.complete(options, of)
 
+    def observing(self, options: Mapping[str, Any], address: str) -> Mapping[str, Any]:
+        """IceStorm calls those that hear topics, also from another host."""
+        if "storm" not in options:
+            return {}
+        host = options.get("host") or address
+        return {"storm": options["storm"], **({"host": host} if host else {})}
+
     def outside(self, options: Mapping[str, Any], channel: str) -> str:
         return iceoptions.read(options).proxy_of(channel) or ""
 

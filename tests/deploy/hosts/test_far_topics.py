@@ -77,8 +77,6 @@ def test_robots_whose_components_have_one_name_are_heard_together(site: Site) ->
     stopped.kill()
     wait_until(lambda: [len(scouts(site, name)) for name in site.hosts] == [1, 1], LONG)
 
-    measured = [json.loads(line) for line in site.rc("delay", "Tick", "--for", "1.5", "--json").lines]
-    assert {(each["host"], each["one_clock"]) for each in measured} == {("robot", True), ("base", True)}
     unknown = site.rc("echo", "Tock", "--timeout", "0.1")
     assert (unknown.code, unknown.text) == (1, "rc echo: `Tock` is not there; did you mean `Tick`?")
 
@@ -93,7 +91,6 @@ def test_robots_whose_components_have_one_name_are_heard_together(site: Site) ->
     without = site.rc("echo", "Tick", "-n", "1", "--json")
     assert (without.code, len(numbers(without, "robot"))) == (3, 1), without.text
     assert "base" in without.text
-    assert site.rc("hz", "Tick", "--host", "base", "--timeout", "0.1").code == 3
     site.hosts["base"].heal()
     for run in runs:
         run.signal(signal.SIGINT)

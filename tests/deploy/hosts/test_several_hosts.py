@@ -177,7 +177,7 @@ def test_tools_see_what_runs_on_all_hosts(site: Site):
     site.host("base")
     net = site.network(
         "Component echo : Echo { host robot; }; Component other : Echo { host base; };",
-        "security open; middleware zeromq;",
+        "security open; middleware ice;",
     )
     run = site.run("--insecure", net)
     run.says("both components")
