@@ -27,6 +27,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
 from robocomp_py.transports.zenoh import session as sessions
 from robocomp_py.transports.zenoh.deployment import router
+from robocomp_py.transports.zenoh.neighbours import QUESTION
 from robocomp_py.transports.zenoh.tls import client_settings
 from robocomp_py.transports.zenoh.transport import ZenohTransport
 from tests.freeports import free_port
@@ -426,6 +427,7 @@ def test_a_hosts_router_passes_on_what_its_own_processes_may_do_and_no_more(fold
             session = world.session(world.keys / "router@onboard")  # in wrong hands, with all that this host may do
             session.put(f"rc/0/{NEWS.name}", b"x")
             assert answers(session, f"rc/0/{COUNT.name}") == []
+            assert answers(session, f"{QUESTION}/*") == [b""]  # routers may ask each other whether they answer
             with pytest.raises(zenoh.ZError):
                 sessions.open_client(there, client_settings(None))
             assert executed == [(7, 2)]

@@ -19,11 +19,11 @@ def access_control(graph: Graph, host: str, numbers: Mapping[str, int]) -> dict[
     rules, policies, subjects = [], [], []
     named = {each.name: each for each in graph.principals}
     speakers: dict[str, tuple[str, ...]] = {each.name: (each.name,) for each in graph.principals if each.host == host}
-    for other in graph.routers:
-        if other != host:
-            speakers[router_name(other)] = tuple(each.name for each in graph.principals if each.host == other)
+    routers = {router_name(other): other for other in graph.routers if other != host}
+    for speaker, other in routers.items():
+        speakers[speaker] = tuple(each.name for each in graph.principals if each.host == other)
     for number, (speaker, members) in enumerate(speakers.items()):
-        keys: dict[str, set[str]] = {}
+        keys: dict[str, set[str]] = {_NEIGHBOURS: {*_ASK, *_ANSWER}} if speaker in routers else {}
         for member in members:
             for act, key in _needs(graph, named[member], numbers):
                 keys.setdefault(key, set()).add(act)
@@ -65,6 +65,8 @@ _ALL = (
 _WATCH = "declare_liveliness_subscriber", "liveliness_query"
 _HEAR, _ANSWER, _SEND, _ASK = ("declare_subscriber",), ("declare_queryable", "reply"), ("put",), ("query",)
 _BE_SEEN = ("liveliness_token",)
+_NEIGHBOURS = "rc_router/*"
+"""The keys on which routers ask each other whether they still answer."""
 _PROVIDING, _USING = ("serves", "receives", "publishes"), ("calls", "commands", "subscribes")
 """The roles in liveliness tokens."""
 

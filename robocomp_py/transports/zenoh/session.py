@@ -35,6 +35,7 @@ from ..directory import LONGEST_SOCKET
 from ..exclusive import Claim, holder, try_claim
 from ..runtime_folder import runtime_dir
 from .hearing import Hearing
+from .neighbours import Neighbours
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
@@ -160,7 +161,8 @@ def named_router(name: str, settings: Mapping[str, Any]) -> Iterator[None]:
         # The other routers may start later.
         with as_transport_error(f"listening at {', '.join(listen)}"), _reading_like_a_router():
             session = zenoh.open(_config("router", {**keep_trying, **settings, "listen/endpoints": listen}))
-        yield
+        with Neighbours(session):
+            yield
     finally:
         with contextlib.ExitStack() as everything:  # from the last line to the first, and all of it whatever fails
             everything.callback(claim.close)

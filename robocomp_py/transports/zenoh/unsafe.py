@@ -1,7 +1,8 @@
 """What the transport does to connections that Zenoh has opened and offers no way to close.
 
-what       written for                      if the probe fails
-shut_down  Linux, eclipse-zenoh 1.10        nothing is shut down, and the caller says what to restart
+what                   written for                  if the probe fails
+shut_down              Linux, eclipse-zenoh 1.10    nothing is shut down, and the caller says what to restart
+shut_down_connections  the same                     nothing is shut down, and what was not heard stays so
 """
 
 from __future__ import annotations
@@ -26,6 +27,21 @@ def shut_down(locators: Collection[str]) -> int:
                 each.shutdown(socket.SHUT_RDWR)
                 count += 1
     return count
+
+
+def shut_down_connections(connections: Collection[tuple[int, int]]) -> None:
+    """Shut down the TCP connections of this process with these ports: ours, and that of the other side."""
+    for each in _sockets():
+        with contextlib.suppress(OSError), each:  # not connected, or closed meanwhile
+            if _ports(each) in connections:
+                each.shutdown(socket.SHUT_RDWR)
+
+
+def _ports(each: socket.socket) -> tuple[int, int] | None:
+    """None for other sockets than connected ones of TCP. Raises OSError."""
+    if each.family not in (socket.AF_INET, socket.AF_INET6) or each.type != socket.SOCK_STREAM:
+        return None
+    return each.getsockname()[1], each.getpeername()[1]
 
 
 def _sockets() -> Iterator[socket.socket]:

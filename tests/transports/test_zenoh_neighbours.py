@@ -1,0 +1,108 @@
+"""Routers that no longer answer each other, although they are connected, connect again."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+
+from robocomp_py.testing.patience import wait_until
+from robocomp_py.transports.zenoh.neighbours import LOOKS, QUESTION, Neighbours
+from robocomp_py.transports.zenoh.session import open_router
+
+_SOON = 0.05
+"""Seconds between two questions."""
+
+
+class _Counting(Neighbours):
+    """Counts its questions."""
+
+    asked = 0
+
+    def _answers(self, router: str) -> bool:
+        self.asked += 1
+        return super()._answers(router)
+
+
+class Other:
+    """Another router, which connects to the first one."""
+
+    def __init__(self, endpoint: str, everything: contextlib.ExitStack) -> None:
+        self.session = open_router(_free_endpoint(), {"connect/endpoints": [endpoint]})
+        everything.callback(self.session.close)
+        self.connections = 0
+        self._listener = self.session.info.declare_transport_events_listener(self._on_event, history=True)
+
+    def answer(self) -> zenoh.Queryable[None]:
+        """Answer until it is undeclared."""
+        key = f"{QUESTION}/{self.session.info.zid()}"
+        return self.session.declare_queryable(key, lambda query: query.reply(query.key_expr, b""))
+
+    def _on_event(self, event: zenoh.TransportEvent) -> None:
+        self.connections += event.kind == zenoh.SampleKind.PUT
+
+
+def _free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def everything() -> Iterator[contextlib.ExitStack]:
+    with contextlib.ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def endpoint() -> str:
+    return _free_endpoint()
+
+
+@pytest.fixture
+def neighbours(endpoint: str, everything: contextlib.ExitStack) -> _Counting:
+    """Those of a first router, which listens at the endpoint."""
+    session = open_router(endpoint)
+    everything.callback(session.close)
+    return everything.enter_context(_Counting(session, _SOON))
+
+
+def test_a_router_that_answers_no_longer_is_connected_again(
+    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack, caplog: pytest.LogCaptureFixture
+) -> None:
+    other = Other(endpoint, everything)
+    answering = other.answer()
+    wait_until(lambda: len(neighbours.answered) == 1)
+    answering.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
+    Other(endpoint, everything)  # a change, after which all are asked
+    wait_until(lambda: other.connections == 2)
+    assert "does not answer; connecting again" in caplog.text
+
+
+def test_a_router_that_answers_stays_connected(
+    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack
+) -> None:
+    other = Other(endpoint, everything)
+    other.answer()
+    wait_until(lambda: len(neighbours.answered) == 1)
+    wait_until(lambda: neighbours.asked >= LOOKS)
+    assert other.connections == 1
+
+
+def test_a_router_that_has_never_answered_stays_connected(
+    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack
+) -> None:
+    other = Other(endpoint, everything)
+    wait_until(lambda: neighbours.asked >= LOOKS)
+    assert other.connections == 1
+
+
+def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack) -> None:
+    first, second = _free_endpoint(), _free_endpoint()
+    sessions = [open_router(first), open_router(second, {"connect/endpoints": [first]})]
+    for session in sessions:
+        everything.callback(session.close)
+    both = [everything.enter_context(_Counting(session, _SOON)) for session in sessions]
+    wait_until(lambda: all(len(each.answered) == 1 for each in both))
