@@ -22,6 +22,7 @@ from .live import (
     allowed,
     arguments_of,
     awaited,
+    check_one_host,
     positive,
     reported,
     say,
@@ -277,7 +278,9 @@ def _awaited(options: argparse.Namespace, hosts: Hosts) -> Offered:
 def _picked(network: Network, options: argparse.Namespace) -> Offered:
     from ..tools.actions import named
 
-    return named(network, options.action)
+    found = named(network, options.action)
+    check_one_host(found.name, found.parts.values())
+    return found
 
 
 def _goals(offered: Offered) -> dict[bytes, GoalState]:

@@ -21,6 +21,7 @@ from .live import (
     add_yes,
     allowed,
     awaited,
+    check_one_host,
     count,
     one_of,
     positive,
@@ -95,6 +96,7 @@ def callable_in(network: Network, name: str) -> Channel:
         raise Wrong(f"{channel.name} is a topic; `rc echo {name}` prints what is published")
     if not channel.providers:
         raise ValueError(f"no component serves {channel.name}")
+    check_one_host(channel.name, [channel])
     return channel
 
 

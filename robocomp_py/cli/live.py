@@ -279,6 +279,23 @@ def one_of(network: Network, name: str) -> Channel:
     return found[0]
 
 
+def check_one_host(what: str, channels: Iterable[Channel]) -> None:
+    """Raise Wrong for what is served under one name on several hosts: a call would reach any of them."""
+    from ..spelling import enumerated
+
+    hosts = list(dict.fromkeys(host for each in channels for host in each.hosts))
+    if len(hosts) > 1:
+        named = enumerated(sorted(each or "this machine" for each in hosts))
+        raise Wrong(f"{what} is served on {named}; choose one with --host {max(hosts)}")
+
+
+def check_component_of_one_host(network: Network, component: str) -> None:
+    """The same for a component, by its whole name."""
+    kinds = ("Introspection", "CommonBehavior")
+    channels = (each for kind in kinds for each in network.stock(kind))
+    check_one_host(component, (each for each in channels if each.name.rsplit("/", 2)[0] == component))
+
+
 def spelled(value: Any) -> str:
     """JSON on a terminal: in one line, with letters as they are, and without control characters of others."""
     from ..printable import one_line

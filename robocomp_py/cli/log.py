@@ -17,6 +17,7 @@ from .live import (
     add_middleware,
     add_waiting,
     awaited,
+    check_component_of_one_host,
     components_named,
     reported,
 )
@@ -57,9 +58,12 @@ def run(options: argparse.Namespace) -> int:
 
     def pick(network: Network) -> tuple[Network, list[str]]:
         try:
-            return network, components_named(asking.components(network), [options.component])
+            found = components_named(asking.components(network), [options.component])
         except Absent as exc:
             raise ValueError(str(exc)) from exc
+        for each in found:
+            check_component_of_one_host(network, each)
+        return network, found
 
     with reported("rc log") as code, hosts_of(options) as hosts, Access() as access:
         network, names = awaited(options, pick, hosts)

@@ -21,6 +21,7 @@ from .live import (
     add_middleware,
     add_waiting,
     awaited,
+    check_component_of_one_host,
     components_named,
     count,
     positive,
@@ -126,9 +127,12 @@ def run(options: argparse.Namespace) -> int:
 
         def pick(network: Network) -> tuple[Network, list[str]]:
             try:
-                return network, components_named(params.components(network), wanted)
+                found = components_named(params.components(network), wanted)
             except Absent as exc:
                 raise ValueError(str(exc)) from exc
+            for each in found if wanted else ():
+                check_component_of_one_host(network, each)
+            return network, found
 
         network, names = awaited(options, pick, hosts)
         try:

@@ -126,6 +126,14 @@ class Channel:
         """That of the scout through which it can be reached; "" if this process reaches it itself."""
         return self.via.host if self.via else ""
 
+    @property
+    def hosts(self) -> list[str]:
+        """Those that provide it, by their names."""
+        found: dict[int, str] = {}
+        for each in self.providers:  # of one process, not every end may tell its host
+            found[each.told.pid] = found.get(each.told.pid) or each.host
+        return list(dict.fromkeys(found.values()))
+
     def subscriptions(self, is_open: Callable[[Channel], bool] = lambda each: False) -> list[Channel]:
         """This topic by each of the few subscriptions that together hear all of its publishers: over one middleware
         each, from here or through one scout.

@@ -166,9 +166,14 @@ def test_an_agent_reads_a_topic_of_all_hosts(network: dict[str, Any]) -> None:
         def there() -> list[End]:
             return [replace(each, host="base", via=post) for each in take_census(["shm"], own=True).ends]
 
+        messages: list[Any] = []
+
+        def heard() -> set[str]:
+            messages.extend(agent.ask("read_topic", topic="station/Everything", count=20)["messages"])
+            return {each["host"] for each in messages}
+
         with Agent(access, Bounds(), there) as agent:
-            messages = agent.ask("read_topic", topic="station/Everything", count=20)["messages"]
-    assert {each["host"] for each in messages} == {"", "base"}
+            wait_until(lambda: heard() == {"", "base"})
     assert {each["message"]["text"] for each in messages} == {"hello"}
 
 

@@ -12,7 +12,7 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -259,39 +259,53 @@ def test_topics_of_another_host_are_printed_and_measured(capsys: pytest.CaptureF
         assert aged["one_clock"]
 
 
-ALL = ("--middleware", "shm", "--json")
-"""Of all hosts."""
+def echoed(capsys: pytest.CaptureFixture[str], *words: str, of: Callable[[str], str], many: int) -> list[str]:
+    """The lines of `rc echo`, until so many origins are among them: on a busy machine, some come later than others."""
+    most, found = 60, list[str]()
+    while len(set(map(of, found))) < many:
+        assert most < 100_000
+        found = said(capsys, "echo", "news", *words, "-n", str(most)).splitlines()
+        most *= 4
+    return found
 
 
 @pytest.mark.usefixtures("talker")
 def test_publishers_of_one_name_are_heard_on_all_hosts(capsys: pytest.CaptureFixture[str]) -> None:
+    over = ("--middleware", "shm")
     with elsewhere.network("base", "robot"):
-        found = [json.loads(line) for line in said(capsys, "echo", "news", *ALL, "-n", "60").splitlines()]
+        lines = echoed(capsys, *over, "--json", of=lambda line: str(json.loads(line)["host"]), many=3)
+        found = list(map(json.loads, lines))
         assert {(each["channel"], each["host"]) for each in found} == {
             ("talker/Everything/news", host) for host in ("", "base", "robot")
         }
         for host in ("", "base", "robot"):
             numbers = [each["message"]["number"] for each in found if each["host"] == host]
-            assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-        shown = said(capsys, "echo", "news", "--middleware", "shm", "-n", "60").splitlines()
+            assert numbers == sorted(set(numbers))
+        shown = echoed(capsys, *over, of=lambda line: line.split()[1], many=3)
         assert {line.split()[1] for line in shown} == {"here", "base", "robot"}
-        rows = said(capsys, "echo", "news", "--middleware", "shm", "-n", "60", "--csv").splitlines()
+        rows = echoed(capsys, *over, "--csv", of=lambda line: line.split(",")[1], many=4)
         assert rows[0] == "time,host,number,text"
         assert {row.split(",")[1] for row in rows[1:]} == {"here", "base", "robot"}
 
 
 @pytest.mark.usefixtures("talker")
 def test_each_host_of_a_topic_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    def lines(*words: str, seconds: float = 1.2) -> list[str]:
+        """What is told, for a time in which both hosts are told of: on a busy machine, that is longer."""
+        found = heard(capsys, *words, "news", "--middleware", "shm", seconds=seconds).splitlines()
+        is_enough = sum("base" in each for each in found) not in (0, len(found)) or seconds > 3 * SOON
+        return found if is_enough else lines(*words, seconds=4 * seconds)
+
     with elsewhere.network("base"):
-        measured = [json.loads(line) for line in heard(capsys, "delay", "news", *ALL, seconds=1.2).splitlines()]
-        assert {(each["channel"], each["host"]) for each in measured} == {
-            ("talker/Everything/news", ""),
-            ("talker/Everything/news", "base"),
+        measured = [json.loads(each) for each in lines("delay", "--json")]
+        assert {(each["channel"], each["host"], each["one_clock"]) for each in measured} == {
+            ("talker/Everything/news", "", True),
+            ("talker/Everything/news", "base", True),
         }
-        assert all(each["one_clock"] for each in measured)
-        shown = heard(capsys, "hz", "news", "--middleware", "shm", seconds=1.2)
-        assert "\ntalker/Everything/news over shm of base: " in f"\n{shown}"
-        assert "\ntalker/Everything/news over shm: " in f"\n{shown}"
+        assert {each.partition(": ")[0] for each in lines("hz")} == {
+            "talker/Everything/news over shm",
+            "talker/Everything/news over shm of base",
+        }
 
 
 def test_a_topic_is_heard_over_all_middlewares_of_its_publishers(
@@ -306,10 +320,30 @@ def test_a_topic_is_heard_over_all_middlewares_of_its_publishers(
         wait_until(lambda: len(take_census(["shm", "zeromq"]).topic("news").providers) == 2)
         with elsewhere.network("base"):
             for host in ("here", "base"):
-                lines = said(capsys, "echo", "news", *over, "--host", host, "-n", "60", "--json").splitlines()
+                words = (*over, "--host", host, "--json")
+                lines = echoed(capsys, *words, of=lambda line: str(json.loads(line)["message"]["text"]), many=2)
                 assert {json.loads(each)["message"]["text"] for each in lines} == {"hello", "over zeromq"}
             measured = heard(capsys, "hz", "news", *over, "--host", "base", "--json", seconds=1.2)
             assert {json.loads(each)["middleware"] for each in measured.splitlines()} == {"shm, zeromq"}
+
+
+def test_what_several_hosts_serve_under_one_name_is_not_called_by_chance(
+    own_runtime_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base, several = own_runtime_folder / "base", "is served on base and this machine; choose one with --host base"
+    divide = ("call", "talker/Everything/divide", "dividend=9", "divisor=4")
+    with (
+        elsewhere.apart(base, "tests.tools.there"),
+        elsewhere.network("base", folder=base),
+        running(make(Talker, find_transport, "middleware=shm", name="talker")),
+    ):
+        wait_until(lambda: "talker/Everything/divide" in take_census(["shm"]).channels)
+        over = ("--middleware", "shm")
+        assert complained(capsys, *divide, *over) == f"rc call: talker/Everything/divide {several}\n"
+        assert complained(capsys, "log", "talker", "error", *over) == f"rc log: talker {several}\n"
+        assert complained(capsys, "param", "list", "talker", *over) == f"rc param list: talker {several}\n"
+        for host in ("base", "here"):
+            assert json.loads(said(capsys, *divide, *over, "--host", host)) == {"ret": 2, "remainder": 1}
 
 
 def test_when_one_of_several_hosts_is_lost_the_others_are_heard(
@@ -372,13 +406,10 @@ def test_intervals_on_another_host_are_those_of_its_clock() -> None:
 
 
 @pytest.mark.usefixtures("talker")
-@pytest.mark.parametrize("words", [("echo", "-n", "1"), ("hz", "--for", "1.2")])
-def test_a_host_that_is_out_of_reach_is_told_while_others_are_heard(
-    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_host_that_is_out_of_reach_is_told_while_others_are_heard(capsys: pytest.CaptureFixture[str]) -> None:
     with elsewhere.network("base", "robot") as network:
         del network.standing.scouts["base"]
-        assert rc.main([*words, "news", "--middleware", "shm"]) == UNREACHABLE
+        assert rc.main(["echo", "news", "-n", "1", "--middleware", "shm"]) == UNREACHABLE
         shown = capsys.readouterr()
         assert shown.err == "warning: base is out of reach: its cable was cut\n"
         assert shown.out
