@@ -6,6 +6,7 @@ import io
 import logging
 import os
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -114,6 +115,39 @@ def test_both_ends_of_a_query_are_counted(access: Access) -> None:
     (round_trips,) = (each.latest for each in asked.operations if each.operation == "divide")
     (runs,) = (each.latest for each in served.operations if each.operation == "divide")
     assert 0 < runs.min() < round_trips.max()
+
+
+def test_durations_are_those_of_the_handler_and_of_the_whole_call(access: Access) -> None:
+    """Each lies within the next one: a wait of 10 ms, the handler, the call as it is counted, and as it is seen."""
+    seen: list[float] = []
+
+    class Waiting(Calculator):
+        def Everything_divide(self, dividend: int, divisor: int) -> tuple[int, int]:
+            with self.condition:
+                self.condition.wait(0.01)
+            return super().Everything_divide(dividend, divisor)
+
+        condition = threading.Condition()
+
+    class Asking(Pupil):
+        def compute(self) -> None:
+            if len(seen) < 3:
+                begun = time.perf_counter()
+                self.everything_proxy.divide(7, 2)
+                seen.append(time.perf_counter() - begun)
+
+    with (
+        running(make(Waiting, find_transport, OVER, name="calculator")),
+        running(make(Asking, find_transport, OVER, name="pupil")),
+    ):
+        wait_until(lambda: len(seen) == 3)
+        wait_until(lambda: [counts(measured(access, each), "divide")[0] for each in ("pupil", "calculator")] == [3, 3])
+        asked, served = measured(access, "pupil"), measured(access, "calculator")
+    (round_trips,) = (each.latest for each in asked.operations if each.operation == "divide")
+    (runs,) = (each.latest for each in served.operations if each.operation == "divide")
+    rounded = 1e-6  # they are sent as float
+    for run, round_trip, whole in zip(runs, round_trips, seen, strict=True):
+        assert 0.01 <= run + rounded <= round_trip + 2 * rounded <= whole + 3 * rounded
 
 
 def counts(told: Measures, operation: str) -> tuple[int, int, int, int]:
