@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,15 +12,29 @@ if TYPE_CHECKING:
     from ..tools.network import Network
 
 
-def define(network: Network, include: Sequence[Path]) -> None:
-    """Complete the contracts of channels of which nothing announces the text.
+class Definitions:
+    """Finds each contract once, also if it is not found.
 
     Files are searched for in the current folder, in `include` and where imports are searched for. Only those are read
     that name a wanted interface.
     """
-    wanted = network.undefined()
-    if not wanted:
-        return
+
+    def __init__(self, include: Sequence[Path]) -> None:
+        self._include = include
+        self._texts: dict[int, str] = {}
+
+    def complete(self, network: Network) -> Network:
+        """Give ends of channels of which nothing announces the contract the text of it. Returns the network."""
+        wanted = network.undefined()
+        if new := {each: name for each, name in wanted.items() if each not in self._texts}:
+            self._texts |= dict.fromkeys(new, "") | _found(new, self._include)
+        if wanted:
+            network.define(self._texts)
+        return network
+
+
+def _found(wanted: Mapping[int, str], include: Sequence[Path]) -> dict[int, str]:
+    """The contracts with these fingerprints, each of an interface of that name."""
     from ..contract.interface import Interface
     from ..dsl.workspace import Workspace  # most programs announce their contracts
 
@@ -30,8 +44,9 @@ def define(network: Network, include: Sequence[Path]) -> None:
         module = workspace.interfaces(path)
         for interface in module.definitions if module else ():
             if isinstance(interface, Interface):
-                texts |= {each.fingerprint: each.text for each in interface.operations if each.fingerprint in wanted}
-    network.define(texts)
+                parts = (part for action in interface.actions for part in action.parts)
+                texts |= {each.fingerprint: each.text for each in (*interface.operations, *parts)}
+    return texts
 
 
 def _files(workspace: Workspace, interfaces: set[str]) -> Iterator[Path]:

@@ -158,18 +158,16 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     from ..errors import HostUnreachable
     from ..spelling import and_then
     from ..tools.census import take_census
-    from .definitions import define
+    from .definitions import Definitions
     from .progress import Progress
 
     census = hosts.census if hosts else take_census
+    definitions = Definitions(getattr(options, "include", ()))
     end = time.monotonic() + options.timeout
     with Progress(f"rc {options.command}") as progress:
         while True:
             try:
-                network = census(options.middleware, own=True)
-                if "include" in options:
-                    define(network, options.include)
-                return pick(network)
+                return pick(definitions.complete(census(options.middleware, own=True)))
             except ValueError as exc:
                 if isinstance(exc, Wrong) or time.monotonic() > end:
                     if hosts and hosts.lost:

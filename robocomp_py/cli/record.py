@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, UNREACHABLE
 from .completing import What, completed
+from .definitions import Definitions
 from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
     TOPIC,
     Absent,
+    add_definitions,
     add_json,
     add_middleware,
     add_waiting,
@@ -72,6 +74,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Record topics into a folder with MCAP files, until Ctrl-C."
     to.epilog = _EXAMPLES
     completed(to.add_argument("topics", nargs="*", metavar="NAME", help=TOPIC), What.TOPIC)
+    add_definitions(to)
     to.add_argument("-o", dest="folder", type=Path, metavar="FOLDER", help="a new folder (default: recording-TIME)")
     to.add_argument(
         "--for",
@@ -130,11 +133,12 @@ def run(options: argparse.Namespace) -> int:
         with Recorder(folder, how) as recorder:
             recording: _Recording | None = None
             lost: dict[str, str] = {}
+            definitions = Definitions(options.include)
 
             def census() -> Network:
                 found = hosts.renew().census(options.middleware, own=bool(options.topics))
                 lost.update(hosts.lost)
-                return found
+                return definitions.complete(found)
 
             try:
                 with Access() as access:

@@ -18,6 +18,7 @@ from robocomp_py.contract.types import FLOAT32, INT32, TIME, Field, Sequence, St
 from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
+from robocomp_py.tools.recording.reader import Recording
 from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig
 from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zenoh.transport import ZenohTransport
@@ -143,6 +144,19 @@ def test_tools_hear_a_plain_program_whose_contract_is_in_an_idsl_file(
     assert rc([*words, "--timeout", str(SOON)]) == 0
     assert '{"number": 8, "text": "goodbye"}' in capsys.readouterr().out
     program.kill()
+
+
+def test_messages_of_a_plain_program_are_recorded(
+    transport: ZenohTransport, plain: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
+    program = plain("publish", "plain/Everything/news", f"{news.fingerprint:016x}", "8", "goodbye")
+    words = ["record", "plain/Everything/news", "-o", str(tmp_path / "run"), "--for", "1", "-I", str(tmp_path)]
+    assert rc([*words, "--middleware", "zenoh", "--timeout", str(SOON)]) == 0
+    program.kill()
+    with Recording(tmp_path / "run") as recording:
+        [message] = recording.messages()
+        assert message.topic.decoder()(message.data) == (8, "goodbye")
 
 
 # What the page shows.
