@@ -19,7 +19,7 @@ from ..dsl.cdsl.check import OPTIONS
 from ..dsl.cdsl.model import SECONDS
 from ..dsl.cdsl.qos import KNOWN
 from ..dsl.comments import find_comments
-from ..dsl.ddsl.clauses import Refers, beginning
+from ..dsl.ddsl.clauses import ClauseType, Refers, beginning
 from ..dsl.ddsl.scope import meanings
 from ..dsl.idsl.check import BUILTIN
 from ..dsl.source import Source, Span
@@ -116,8 +116,25 @@ def complete(index: Index, path: Path, text: str, offset: int) -> list[Candidate
         return [replace(each, over=begun) for each in _files(place)]
     keywords = Grammar(language.removeprefix(".")).words_behind(Source(path, before)) if language in ENDINGS else []
     names = _NAMES[language](place) if language in _NAMES else ()
-    found = [*names, *(Candidate(word, "keyword", rank=2) for word in keywords)]
+    found = [*names, *(Candidate(word, "keyword", rank=2) for word in keywords if _fits(word, place))]
     return list({each.label: each for each in reversed(found)}.values())[::-1]
+
+
+_HANDLED = (Verb.IMPLEMENTS.lower(), Verb.SUBSCRIBES.lower())
+_PROVIDED = (Verb.IMPLEMENTS.lower(), Verb.PUBLISHES.lower())
+
+
+def _fits(keyword: str, place: _Place) -> bool:
+    """Whether a keyword that the grammar allows makes sense."""
+    match place.path.suffix.lower(), keyword:
+        case ".cdsl", "each":
+            return place.first.lower() in _PROVIDED
+        case ".cdsl", "concurrent":
+            return place.first.lower() in _HANDLED
+        case ".idsl", "feedback":
+            return "action" in place.words
+        case _:
+            return True
 
 
 def _blocks(text: str) -> list[_Block]:
@@ -319,7 +336,7 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     elif last == ":" or (last == "Component" and len(words) == 1):
         yield from (_symbol(each) for each in _of(symbols, Kind.COMPONENT))
     elif clause and clause.settings and _open_call(words):
-        yield from (Candidate(word, "word", doc=text) for word, text in clause.settings.items() if last in ("(", ","))
+        yield from _settings(clause, words)
     elif clause and clause.refers is Refers.OPERATION:
         yield from _allowable(place, symbols)
     elif clause and clause.refers and (len(words) == 1 or (clause.many and last == ",")):
@@ -338,6 +355,14 @@ def _in_ddsl(place: _Place) -> Iterator[Candidate]:
     elif place.first == "qos" and last in ("qos", *_TOPIC_VERBS):
         for verb in _TOPIC_VERBS if last == "qos" else (last,):
             yield from _wireable(place, verb, symbols)
+
+
+def _settings(clause: ClauseType, words: list[str]) -> Iterator[Candidate]:
+    """What can come next between the parentheses of a clause: a setting that is not there yet, or a value of one."""
+    proposed = clause.values.get(words[-1], {})
+    if words[-1] in ("(", ","):
+        proposed = {name: text for name, text in clause.settings.items() if name not in words}
+    yield from (Candidate(word, "word", doc=text) for word, text in proposed.items())
 
 
 def _referable(place: _Place, what: Refers, symbols: list[Symbol]) -> Iterator[Candidate]:

@@ -8,8 +8,10 @@ from collections import Counter
 from pathlib import Path
 
 from ..contract.qos import PRESETS
+from ..dsl.comments import find_comments
 from ..dsl.ddsl.clauses import explanation
 from ..dsl.idsl.check import BUILTIN
+from ..dsl.source import Source
 from ..transports.deployment import deployment_of
 from .index import Index
 from .outline import Kind, Symbol
@@ -46,7 +48,9 @@ def hover(index: Index, path: Path, offset: int, text: str) -> str:
     if link:
         target = index.target(link)
         return f"`{target}`" if target else f"`{link.name}` was not found"
-    return _of_word(_word_at(text, offset), path.suffix.lower())
+    return _of_word(
+        _word_at(text, offset), path.suffix.lower(), _first_word(find_comments(Source(path, text[:offset])).bare)
+    )
 
 
 def _of_symbol(index: Index, symbol: Symbol) -> str:
@@ -105,7 +109,8 @@ def _components_of(index: Index, instance: Symbol) -> list[Symbol]:
     return [each for each in seen if each.kind is Kind.COMPONENT and each.name.text.lower() == instance.detail.lower()]
 
 
-def _of_word(word: str, ending: str) -> str:
+def _of_word(word: str, ending: str, first: str) -> str:
+    """`first` is the word that begins its statement."""
     if ending == ".idsl" and word in BUILTIN:
         return f"`{word}`: {BUILTIN[word]}, built in"
     if ending in (".cdsl", ".ddsl") and word in PRESETS:
@@ -113,11 +118,13 @@ def _of_word(word: str, ending: str) -> str:
         return f"`{word}`: {qos.reliability}, {qos.durability}, {qos.history}, depth {qos.depth}"
     if ending == ".cdsl" and word.lower() in POLICY_WORDS:
         return f"`{word}`: {POLICY_WORDS[word.lower()]}"
+    if ending == ".cdsl" and word.lower() in COMPONENT_WORDS:
+        return f"`{word}`: {COMPONENT_WORDS[word.lower()]}"
     if ending == ".idsl" and word in ACTION_WORDS:
         return f"`{word}`: {ACTION_WORDS[word]}"
     if ending in (".cdsl", ".ddsl") and (summary := deployment_of(word.lower()).summary):
         return f"`{word}`: {summary}"
-    text = explanation(word) if ending == ".ddsl" else ""
+    text = explanation(word, first) if ending == ".ddsl" else ""
     return f"`{word}`: {text}" if text else ""
 
 
@@ -131,6 +138,20 @@ ACTION_WORDS = {
     "confirm": "tools ask a person before they call it by hand: it stops or moves something",
     "feedback": "what the server of an action tells its client on the way",
 }
+
+
+COMPONENT_WORDS = {
+    "period": "the time from one `compute` to the next, as in `period 50 ms;`",
+    "timer": "a method that is called once in a period: `timer report 1 s;` calls `timer_report`",
+    "each": "the component provides the interface under any number of names, which it adds while it runs",
+    "concurrent": "handlers of the interface run at any time, also while other code of the component runs",
+}
+
+
+def _first_word(before: str) -> str:
+    """Of the statement that a text ends with."""
+    found = re.match(r"\s*(\w*)", re.split(r"[;{}]", before)[-1])
+    return found[1] if found else ""
 
 
 def _word_at(text: str, offset: int) -> str:

@@ -91,6 +91,7 @@ def test_all_instances_know_whether_their_clock_passes_by_itself(folder: Path) -
     for part in ('clock.leader="/left"', 'clock.mode="free"'):
         assert part in command(found, "right")
     assert errors(folder, body, Overrides(speed=0.0)) == ["config-out-of-range"]
+    assert errors(folder, body.replace("2", "max")) == ["bad-clock"], "told once"
 
 
 def test_a_configuration_of_its_own_is_passed_on(folder: Path) -> None:

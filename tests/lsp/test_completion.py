@@ -249,6 +249,48 @@ def test_a_qos_is_written_with_what_fits(editor: Editor, clause: str, expected: 
     assert not absent & found
 
 
+@pytest.mark.parametrize(
+    ("clause", "expected", "absent"),
+    [
+        ("clock |;", {"left"}, {"arm", "mode"}),
+        ("clock left(|);", {"speed", "mode", "lost"}, {"left"}),
+        ("clock left(speed 10, |);", {"mode", "lost"}, {"speed"}),
+        ("clock left(mode |);", {"lockstep", "free"}, {"speed", "keep"}),
+        ("clock left(lost |);", {"keep", "stop"}, {"free"}),
+        ("clock left(speed |);", {"max"}, {"lost"}),
+    ],
+)
+def test_a_clock_is_written_with_what_fits(editor: Editor, clause: str, expected: set[str], absent: set[str]) -> None:
+    found = set(items(editor, "d.ddsl", NETWORK % clause))
+    assert expected <= found
+    assert not absent & found
+
+
+@pytest.mark.parametrize(
+    ("verb", "expected", "absent"),
+    [
+        ("implements", {"each", "concurrent"}, set()),
+        ("publishes", {"each"}, {"concurrent"}),
+        ("requires", set(), {"each", "concurrent"}),
+        ("subscribesTo", {"concurrent"}, {"each"}),
+    ],
+)
+def test_words_behind_an_interface_fit_its_verb(
+    editor: Editor, verb: str, expected: set[str], absent: set[str]
+) -> None:
+    text = 'import "Laser.idsl"; Component c { Communications { %s Laser |; }; };'
+    found = set(items(editor, "arm/c.cdsl", text % verb))
+    assert {"qos", *expected} <= found
+    assert not absent & found
+
+
+@pytest.mark.parametrize(("pattern", "has_feedback"), [("[action] ", True), ("", False), ("[query] ", False)])
+def test_feedback_is_proposed_for_actions(editor: Editor, pattern: str, has_feedback: bool) -> None:
+    found = items(editor, "Hand.idsl", JOINTS % f"interface Hand {{ {pattern}void take(int force) |; }};")
+    assert "throws" in found
+    assert ("feedback" in found) is has_feedback
+
+
 def test_actions_and_topics_that_a_component_subscribes_to_may_be_allowed(editor: Editor) -> None:
     editor.open("arm/Grip.idsl", "module RoboCompGrip { interface Grip { [action] void take(int force); }; };")
     imports = 'import "Grip.idsl"; import "LaserPub.idsl"; import "BatteryStatusPub.idsl";'

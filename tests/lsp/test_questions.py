@@ -57,6 +57,39 @@ def test_hover_tells_what_a_timer_calls(reader: Editor) -> None:
     assert "Calls `timer_poll` on the clock of the component" in told
 
 
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("ti|mer poll", "`timer`: a method that is called once in a period: `timer report 1 s;` calls `timer_report`"),
+        ("per|iod 50", "`period`: the time from one `compute` to the next, as in `period 50 ms;`"),
+        ("Arm e|ach", "`each`: the component provides the interface under any number of names"),
+        ("each con|current", "`concurrent`: handlers of the interface run at any time"),
+    ],
+)
+def test_the_words_of_a_component_are_said(editor: Editor, marked: str, expected: str) -> None:
+    ports = "Communications { implements Arm each concurrent; };"
+    text = f'import "../Arm.idsl"; Component timed {{ {ports} language python; period 50 ms; timer poll 1 s; }};'
+    editor.open("arm/timed.cdsl", text)
+    assert expected in said(editor, "arm/timed.cdsl", marked)
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("cl|ock left", "the instance whose clock all others follow, as in `clock lidar(speed 10, lost stop);`"),
+        ("(lo|st stop", "what happens when a follower is gone: `keep` on, or `stop`"),
+        ("lost st|op", "the instance that leads the clock fails if a follower is gone; only in lock-step"),
+        ("speed m|ax", "as fast as possible; only in lock-step"),
+        ("lost ke|ep", "processes on the host go on when the launcher of the network is gone"),
+    ],
+)
+def test_a_word_is_said_as_its_clause_means_it(editor: Editor, marked: str, expected: str) -> None:
+    host = 'host far { address "192.168.1.10"; lost keep; };'
+    parts = f"{host} clock left(lost stop, speed max); Component left : arm {{}};"
+    editor.open("timed.ddsl", f'import "arm/arm.cdsl"; Deployment d {{ {parts} }};')
+    assert said(editor, "timed.ddsl", marked).partition(": ")[2] == expected
+
+
 def test_hover_lists_the_users_of_a_definition(reader: Editor) -> None:
     assert "Used in Arm.idsl, Joints.idsl" in said(reader, "Joints.idsl", "struct Joi|nt")
     assert "Used in arm.cdsl, chess.cdsl, game.ddsl" in said(reader, "chess/chess.cdsl", "requires A|rm")

@@ -36,7 +36,13 @@ def _check_once(clauses: tuple[m.Clause, ...], report: Report) -> None:
     for clause in clauses:
         first = seen.setdefault(clause.kind, clause)
         if first is not clause and not clause_type(clause.kind).many:
-            report.error("duplicate", f"`{clause.kind}` is given twice", clause.span, "", ("first here", first.span))
+            report.error(
+                "duplicate",
+                f"`{clause.kind}` is given twice",
+                clause.span,
+                "remove one of them",
+                ("first here", first.span),
+            )
 
 
 def _check_names(model: m.Deployment, report: Report) -> None:

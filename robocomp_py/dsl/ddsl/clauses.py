@@ -17,7 +17,7 @@ from ..diagnostics import Report
 from ..source import Name, Span
 from . import model as m
 from .allow import check_allow, read_allow
-from .clocks import CLOCK_SETTINGS, check_clock, leader_of
+from .clocks import CLOCK_SETTINGS, CLOCK_WORDS, check_clock, leader_of
 from .hosts import check_hosts
 from .offers import check_offers
 from .programs import check_programs, environment_of, notifies_of
@@ -84,6 +84,8 @@ class ClauseType:
     """The words of which one is chosen, with their hover texts."""
     settings: Mapping[str, str] = field(default_factory=dict)
     """The names that can be set in parentheses, with their hover texts."""
+    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """The words that a setting may have as its value, with their hover texts."""
     words: tuple[str, ...] = ()
     """The words that `doc` explains, if its syntax does not begin with a word of its own."""
     misplaced: str = ""
@@ -197,6 +199,7 @@ CLAUSES = (
         "clock lidar(speed 10, lost stop);",
         "the instance whose clock all others follow",
         settings=CLOCK_SETTINGS,
+        values=CLOCK_WORDS,
         misplaced=_NETWORK,
         read=lambda written: m.Clock(written.names[0], written.settings, written.span),
         refers=Refers.INSTANCE,
@@ -445,16 +448,20 @@ def beginning(word: str) -> ClauseType | None:
     return next((each for each in CLAUSES if word in each.explained), None)
 
 
-def explanation(word: str) -> str:
-    """The hover text of a word of a clause; "" for other words."""
-    found = (text for each in CLAUSES for text in _explanations(each, word))
-    return "; ".join(dict.fromkeys(found))
+def explanation(word: str, first: str = "") -> str:
+    """The hover text of a word of a clause; "" for other words.
+
+    `first` is the word that begins its clause, because some words have different meanings in different clauses.
+    """
+    around = beginning(first)
+    found = list(_explanations(around, word)) if around else []
+    return "; ".join(dict.fromkeys(found or (text for each in CLAUSES for text in _explanations(each, word))))
 
 
 def _explanations(each: ClauseType, word: str) -> Iterator[str]:
     if word in each.explained:
         yield f"{each.doc}, as in `{each.example}`"
-    for words in (each.choices, each.settings):
+    for words in (each.choices, each.settings, *each.values.values()):
         if word in words:
             yield words[word]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 from ...contract.component import MAX_SECONDS
 from ..cdsl.model import Setting
@@ -21,8 +21,15 @@ CLOCK_SETTINGS: Mapping[str, str] = {
 AS_FAST_AS_POSSIBLE = "max"
 """The word for a speed without limit."""
 
-_LOST = ("keep", "stop")
-_MODES = ("lockstep", "free")
+CLOCK_WORDS: Mapping[str, Mapping[str, str]] = {
+    "speed": {AS_FAST_AS_POSSIBLE: "as fast as possible; only in lock-step"},
+    "mode": {"lockstep": "the clock waits for all instances", "free": "the clock passes by itself"},
+    "lost": {
+        "keep": "the clock goes on without a follower that is gone",
+        "stop": "the instance that leads the clock fails if a follower is gone; only in lock-step",
+    },
+}
+"""The words that a setting may have as its value, with their meanings."""
 
 
 def check_clock(model: m.Deployment, report: Report) -> None:
@@ -57,21 +64,27 @@ def read_clock(clock: m.Clock, report: Report) -> dict[str, float | str]:
     read: dict[str, float | str] = {}
     for each in clock.settings:
         name = each.name.text
-        value = _speed(each) if name == "speed" else _one_of(each, {"lost": _LOST, "mode": _MODES}.get(name, ()))
+        value = _speed(each) if name == "speed" else _one_of(each, CLOCK_WORDS.get(name, ()))
         if name not in CLOCK_SETTINGS:
             hint = did_you_mean(name, CLOCK_SETTINGS) or f"there are {' and '.join(CLOCK_SETTINGS)}"
             report.error("bad-clock", f"`{name}` is not a setting of `clock`", each.name.span, hint)
         elif name in read:
-            report.error("bad-clock", f"`{name}` is given twice", each.span)
+            report.error("bad-clock", f"`{name}` is given twice", each.span, "remove one of them")
         elif value is None:
             report.error(
                 "bad-clock", f"`{name}` is {CLOCK_SETTINGS[name]}", each.span, f"as in: {name} {_EXAMPLES[name]}"
             )
         else:
             read[name] = value
-    if read.get("mode") == "free" and read.get("speed") == 0:
-        hint = "give a number, or remove `mode free`"
-        report.error("bad-clock", "a clock is as fast as possible only in lock-step", clock.span, hint)
+    if read.get("mode") == "free":
+        spans = {each.name.text: each.span for each in clock.settings}
+        if read.get("speed") == 0:
+            del read["speed"]  # so that it is told once
+            hint = "give a number, or remove `mode free`"
+            report.error("bad-clock", "a clock is as fast as possible only in lock-step", spans["speed"], hint)
+        if read.get("lost") == "stop":
+            message = "a clock that passes by itself waits for no instance, and does not stop when one is gone"
+            report.error("bad-clock", message, spans["lost"], "remove it, or `mode free`")
     return read
 
 
@@ -82,7 +95,7 @@ def _speed(setting: Setting) -> float | None:
     return number if number is not None and 0 < number <= MAX_SECONDS else None
 
 
-def _one_of(setting: Setting, words: tuple[str, ...]) -> str | None:
+def _one_of(setting: Setting, words: Container[str]) -> str | None:
     return setting.word.text if setting.word and setting.word.text in words else None
 
 
