@@ -20,7 +20,7 @@ import json
 import logging
 import os
 import time
-from collections import deque
+from array import array
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -92,11 +92,12 @@ class Tally:
         "_decided_at",
         "_each",
         "_handles",
+        "_latest",
+        "_waited",
         "begin",
         "count",
         "due",
         "failed",
-        "latest",
         "link",
         "operation",
         "pattern",
@@ -104,7 +105,6 @@ class Tally:
         "route",
         "taken",
         "timed",
-        "waited",
     )
 
     def __init__(self, port: Port, operation: Operation[Any], pattern: Pattern, route: Route) -> None:
@@ -114,11 +114,7 @@ class Tally:
         """Messages and calls, also those that failed or have not ended."""
         self.failed = 0
         """Of these; an exception that the IDSL declares is an answer."""
-        self.latest: deque[float] = deque(maxlen=MOST_KEPT)
-        """Seconds that the latest timed ones took: the round trip of a caller, the run of a handler, the sending of a
-        message. Calls without a reply are not among them."""
-        self.waited: deque[float] = deque(maxlen=MOST_KEPT)
-        """Seconds that each of these waited until its handler ran; empty unless this is a handler."""
+        self._latest, self._waited = array("f"), array("f")  # a deque of floats takes eight times as much memory
         self.timed = 0
         """How many calls were timed."""
         self.due = 0
@@ -159,15 +155,31 @@ class Tally:
 
     def time(self, begun: float, took: float, waited: float) -> None:
         """Note the seconds that a call took and, at a handler, waited before; `begun` is when it began."""
+        at = self.timed % MOST_KEPT
         self.timed += 1
-        self.latest.append(took)
+        _put(self._latest, at, took)
         if self._handles:
-            self.waited.append(waited)
+            _put(self._waited, at, waited)
         new = self.count - self._decided
         if new >= _EACH and not self.begin:
             # A pause makes frequent calls look rare once. `due` stays, so the next call in turn decides again.
             self._each = _EACH if begun - self._decided_at < new * _FREQUENT else 0
             self._decided, self._decided_at = self.count, begun
+
+    @property
+    def latest(self) -> list[float]:
+        """Seconds that the latest timed ones took, the oldest first: the round trip of a caller, the run of a handler,
+        the sending of a message. Calls without a reply are not among them."""
+        return self._in_order(self._latest)
+
+    @property
+    def waited(self) -> list[float]:
+        """Seconds that each of these waited until its handler ran; empty unless this is a handler."""
+        return self._in_order(self._waited)
+
+    def _in_order(self, kept: array[float]) -> list[float]:
+        oldest = self.timed % MOST_KEPT if len(kept) == MOST_KEPT else 0
+        return [*kept[oldest:], *kept[:oldest]]
 
     @property
     def label(self) -> str:
@@ -179,6 +191,13 @@ class Tally:
     def handler(self) -> str:
         """The method that handles its messages."""
         return f"{self.port.label}_{self.operation.name}"
+
+
+def _put(kept: array[float], at: int, seconds: float) -> None:
+    if at < len(kept):
+        kept[at] = seconds
+    else:
+        kept.append(seconds)
 
 
 class Tallies:

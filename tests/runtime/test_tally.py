@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -87,9 +88,9 @@ def test_failures_are_exact_also_of_calls_that_are_not_timed() -> None:
         assert (served.count, served.failed, served.timed) == (4, 2, 0)
 
 
-def tally() -> Tally:
+def tally(verb: Verb = Verb.REQUIRES) -> Tally:
     route = Route(InprocTransport, "inproc", "a/Numbers/halve", DEFAULT_QOS, 1.0)  # type: ignore[arg-type]  # not used
-    return Tally(Port(Verb.REQUIRES, NUMBERS), HALVE, Pattern.QUERY, route)
+    return Tally(Port(verb, NUMBERS), HALVE, Pattern.QUERY, route)
 
 
 def call(tally: Tally, times: int, every_s: float, begin_s: float = 0.0) -> int:
@@ -131,3 +132,27 @@ def test_the_first_call_after_a_look_is_timed() -> None:
     call(made, 1000, every_s=1e-5)
     made.time_next()
     assert call(made, 1, every_s=1.0, begin_s=1.0) == 1
+
+
+def test_the_latest_256_durations_are_kept_in_their_order() -> None:
+    made = tally()
+    assert made.latest == []
+    for number in range(100):
+        made.time(number, number / 4, 0.0)
+    assert made.latest == [number / 4 for number in range(100)]
+    for number in range(100, 1000):
+        made.time(number, number / 4, 0.0)
+    assert made.latest == [number / 4 for number in range(744, 1000)]
+
+
+def test_the_counters_of_a_busy_component_take_little_memory() -> None:
+    made = [tally(Verb.IMPLEMENTS) for _ in range(20)]
+    tracemalloc.start()
+    try:
+        for each in made:
+            for number in range(1000):
+                each.time(number, number / 3, number / 7)
+        taken, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert taken < 50_000
