@@ -12,8 +12,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..tools.shortening import shortened
-from .common import FINE
-from .live import Absent, Wrong, awaited, nothing_heard, say, spelled
+from .common import UNREACHABLE
+from .hosts import code_of
+from .live import Absent, Wrong, awaited, nothing_heard, say, spelled, tell_lost
 
 if TYPE_CHECKING:
     from ..tools.calls import Seen
@@ -37,7 +38,7 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
     if unfit := [name for name, value in given.items() if value]:
         raise ConfigurationError(f"{', '.join(unfit)}: for topics only; --calls prints whole calls")
     channels, components = awaited(options, partial(_chosen, options.topics, served=options.served), hosts)
-    printed = 0
+    printed, ended = 0, code_of(hosts)
     census = partial(hosts.census, options.middleware, own=True)
     with ExitStack() as stack:
         access = stack.enter_context(Access())
@@ -50,6 +51,9 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
         span, opened = Span(options.timeout, options.seconds), stack.enter_context(tap(told.topics))
         while span.goes_on():
             heard = opened.take(_LOOK)
+            while opened.lost:
+                ended = UNREACHABLE
+                tell_lost(options, opened.lost.pop(0))
             if heard is None:
                 continue
             call, dropped = seen(channels, heard.message, served=options.served)
@@ -65,7 +69,7 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
                 break
     if not printed:
         raise nothing_heard(options)
-    return FINE
+    return ended
 
 
 def _chosen(names: Sequence[str], network: Network, *, served: bool) -> tuple[list[Channel], list[str]]:

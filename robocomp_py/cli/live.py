@@ -188,7 +188,7 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
 
 def subscriptions_of(topics: Iterable[Channel]) -> list[Channel]:
     """Those that hear all publishers of these topics."""
-    return [each for topic in topics for each in topic.subscriptions()]
+    return [each for topic in topics for each in topic.each_way()]
 
 
 def understood(options: argparse.Namespace, topics: Sequence[Channel]) -> list[Channel]:

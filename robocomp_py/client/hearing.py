@@ -48,7 +48,7 @@ class Hearing:
         self._told: set[FarLink] = set()
         """Those of lost hosts that the log has."""
         failed: list[HostUnreachable] = []
-        for each in channel.subscriptions():
+        for each in channel.each_way():
             try:
                 self._links.append(self._opened(each))
             except HostUnreachable as exc:

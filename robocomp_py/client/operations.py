@@ -115,7 +115,7 @@ class Described:
 
 
 def _provided(channel: Channel) -> tuple[Any, ...]:
-    ways = channel.subscriptions() if channel.pattern is Pattern.PUBLISH else [channel]
+    ways = channel.each_way() if channel.pattern is Pattern.PUBLISH else [channel]
     return tuple((each.via, each.middlewares[0], next(iter(each.texts))) for each in ways)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -98,9 +98,23 @@ def watch(
 ) -> None:
     """Let a component publish its calls, its log records, or both, for `lease` seconds; see `tools.leases`.
 
-    Raises the same as `set_log_level`.
+    Of several of one name, on several hosts, all are asked. Raises the same as `set_log_level` if none of them does.
     """
-    access.ask_again(_required(network, component, "watch"), (calls, logs, lease), deadline)
+    asked = _required(network, component, "watch").each_way()
+    errors: list[RobocompError] = []
+    for each in asked:
+        try:
+            access.ask_again(each, (calls, logs, lease), deadline)
+        except RobocompError as exc:
+            errors.append(exc)
+    if len(errors) == len(asked):
+        raise errors[0]
+
+
+def watched_on(network: Network, component: str) -> Collection[str]:
+    """The hosts on which `watch` asks a component of this name."""
+    channel = _channel(network, component, "watch")
+    return channel.hosts if channel else ()
 
 
 def about(access: Access, network: Network, channel: Channel, deadline: float = DEADLINE) -> End | None:

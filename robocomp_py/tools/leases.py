@@ -29,7 +29,7 @@ class Told:
     """What is held."""
 
     topics: list[Channel]
-    """`called` or `logged` of each component that tells."""
+    """`called` or `logged` of each component that tells, by each way on which it is to be heard."""
     silent: Mapping[str, str]
     """Why the others do not, by their whole names."""
 
@@ -64,11 +64,16 @@ def _awaited(
     end = time.monotonic() + timeout
     wanted = {f"{each}/IntrospectionPub/{operation}": each for each in telling}
     while True:
-        found = {each.name: each for each in census().stock("IntrospectionPub") if each.providers}
-        late = [name for name in wanted if name not in found]
+        network = census()
+        found = {each.name: each for each in network.stock("IntrospectionPub") if each.providers}
+        late = [
+            name
+            for name, component in wanted.items()
+            if name not in found or not set(asking.watched_on(network, component)) <= set(found[name].hosts)
+        ]
         if not late or time.monotonic() > end:
             silent |= {wanted[name]: f"its topic did not appear in {timeout:g} s" for name in late}
-            return Told([found[name] for name in wanted if name in found], silent)
+            return Told([way for name in wanted if name in found for way in found[name].each_way()], silent)
         time.sleep(_LOOK)
 
 

@@ -134,11 +134,11 @@ class Channel:
             found[each.told.pid] = found.get(each.told.pid) or each.host
         return list(dict.fromkeys(found.values()))
 
-    def subscriptions(self, is_open: Callable[[Channel], bool] = lambda each: False) -> list[Channel]:
-        """This topic by each of the few subscriptions that together hear all of its publishers: over one middleware
-        each, from here or through one scout.
+    def each_way(self, is_open: Callable[[Channel], bool] = lambda each: False) -> list[Channel]:
+        """This channel over each of the few ways that together reach all of its providers. A way is one middleware,
+        from here or through one scout.
 
-        Those that are open already are not among them. A topic without publishers has one subscription, itself.
+        Ways that are open already are left out, and so is what they reach. A channel without providers has one way.
         """
         ways: dict[tuple[Post | None, str], list[End]] = {}
         for each in self.providers:

@@ -159,10 +159,12 @@ class Tap:
 
     def __init__(self, inbox: Inbox, subscriptions: _Subscriptions) -> None:
         self._inbox, self._subscriptions = inbox, subscriptions
+        self.lost: list[Lost] = []
+        """The hosts that are not heard any more."""
 
     def take(self, timeout: float) -> Message | None:
-        """The next message; None if none comes in time. Raises what has gone wrong with any subscription."""
-        self._subscriptions.check()
+        """The next message; None if none comes in time. Raises what has gone wrong once nothing is heard any more."""
+        self.lost.extend(self._subscriptions.losses())
         found = self._inbox.get(timeout)
         return _message(*found) if found else None
 

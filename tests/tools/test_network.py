@@ -91,7 +91,7 @@ def published(middleware: str = "near", pid: int = 1, on: str = "", seen_by: str
     ],
 )
 def test_a_topic_is_heard_by_as_few_subscriptions_as_hear_all_its_publishers(ends: list[End], ways: list[str]) -> None:
-    assert [way_of(each) for each in Network(ends).topic("news").subscriptions()] == ways
+    assert [way_of(each) for each in Network(ends).topic("news").each_way()] == ways
 
 
 def test_subscriptions_that_are_open_are_used_further() -> None:
@@ -101,8 +101,8 @@ def test_subscriptions_that_are_open_are_used_further() -> None:
     def opened(each: Channel) -> bool:
         return way_of(each) == "over near"
 
-    assert [way_of(each) for each in Network([here, also, far]).topic("news").subscriptions(opened)] == ["over far"]
-    assert Network([here, also]).topic("news").subscriptions(opened) == []
+    assert [way_of(each) for each in Network([here, also, far]).topic("news").each_way(opened)] == ["over far"]
+    assert Network([here, also]).topic("news").each_way(opened) == []
 
 
 def plan(address: str, **hosts: str) -> dict[str, object]:

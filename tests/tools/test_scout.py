@@ -27,12 +27,13 @@ from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import HostUnreachable, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.tools import scout
+from robocomp_py.tools import leases, scout
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import Seen, take_census
 from robocomp_py.tools.doctor.elsewhere import left_there, places
 from robocomp_py.tools.doctor.facts import Left, Machine, Process, Space
 from robocomp_py.tools.far import Far, FarArrivals
+from robocomp_py.tools.hosts import Hosts
 from robocomp_py.tools.network import Channel, End
 from robocomp_py.tools.posts import Post, ScoutError
 from robocomp_py.tools.publishing import publish
@@ -344,6 +345,10 @@ def test_what_several_hosts_serve_under_one_name_is_not_called_by_chance(
         assert complained(capsys, "param", "list", "talker", *over) == f"rc param list: talker {several}\n"
         for host in ("base", "here"):
             assert json.loads(said(capsys, *divide, *over, "--host", host)) == {"ret": 2, "remainder": 1}
+        with Hosts(None, pytest.fail) as hosts, Access() as access:
+            census = partial(hosts.renew().census, ["shm"], own=True)
+            with leases.told(access, census, ["talker"], "called", SOON) as told:
+                assert ({each.host for each in told.topics}, told.silent) == ({"", "base"}, {})
 
 
 def test_when_one_of_several_hosts_is_lost_the_others_are_heard(

@@ -239,7 +239,7 @@ class Requests:
         channel = topics[_one(list(topics), arguments, "topic")]
         messages: list[Any] = []
         lost: list[str] = []
-        subscriptions = channel.subscriptions()
+        subscriptions = channel.each_way()
         with contextlib.closing(tapped(subscriptions, first=limit, whole=limit)) as heard:
             for each in heard:
                 if isinstance(each, Message):

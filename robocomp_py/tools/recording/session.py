@@ -122,7 +122,7 @@ class Session:
             return found is not None
 
         try:
-            new = channel.subscriptions(is_followed)
+            new = channel.each_way(is_followed)
         except NotUnderstood as exc:
             self._complain(channel.name, str(exc))
             return

@@ -81,7 +81,8 @@ class Tellers:
         and not those that call. `tell` gets messages for people."""
         self._recorder, self._access, self._wanted, self._tell = recorder, access, wanted, tell
         self._calls, self._logs, self._served = calls, logs, served
-        self._found: dict[tuple[str, str], Teller] = {}
+        self._found: dict[tuple[str, str, str, str], Teller] = {}
+        """By component, operation, host and middleware."""
         self._tracks: dict[str, tuple[str, Track]] = {}
         """By the name of a channel: the name and the track of its calls."""
         self._changing = threading.Lock()
@@ -156,11 +157,28 @@ class Tellers:
     # What they tell.
 
     def _follow(self, channel: Channel, component: str, operation: str) -> None:
+        known: list[Teller] = []
+
+        def key_of(way: Channel) -> tuple[str, str, str, str]:
+            return component, operation, way.host, way.middlewares[0]
+
+        def is_followed(way: Channel) -> bool:
+            found = self._found.get(key_of(way))
+            known.extend([found] if found else [])
+            return found is not None
+
+        for way in channel.each_way(is_followed):
+            if teller := self._opened(way, component, operation):
+                self._found[key_of(way)] = teller
+        for teller in known:
+            try:
+                listen_again(teller.link)
+            except RobocompError as exc:
+                self._complain(channel.name, f"{channel.name}: {exc}")
+
+    def _opened(self, channel: Channel, component: str, operation: str) -> Teller | None:
         what, kind = ("calls", Call) if operation == "called" else ("logs", Record)
         try:
-            if known := self._found.get((component, operation)):
-                listen_again(known.link)
-                return
             pick = _picker(channel, kind)
             sink = self._called if operation == "called" else self._logged
             decode = self._access.codec(channel).decoder(channel.operation.request)
@@ -169,9 +187,9 @@ class Tellers:
             teller.link = self._access.hear(channel, take, DEPTH, headed=True).link
         except (NotUnderstood, RobocompError) as exc:
             self._complain(channel.name, f"{channel.name}: {exc}")
-            return
-        self._found[component, operation] = teller
+            return None
         self._tell(f"{what} of {component} {way_of(channel)}")
+        return teller
 
     def _take(
         self,

@@ -174,6 +174,32 @@ def test_calls_of_another_host_are_recorded(tmp_path: Path) -> None:
     assert read(folder)["talker/Everything/divide/calls"]
 
 
+@pytest.mark.usefixtures("network")
+def test_calls_of_one_name_on_two_hosts_are_recorded(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+
+    def call(host: str) -> None:
+        """Returns once the recording has it."""
+        file = folder / "run_0.mcap"
+        size = file.stat().st_size
+        words = ["call", "talker/Everything/divide", "dividend=9", "divisor=4", "--middleware", "shm", "--host", host]
+        assert rc.main(words) == FINE
+        wait_until(lambda: file.stat().st_size > size + 50)
+
+    with (
+        running(make(Talker, find_transport, "middleware=shm", name="talker")),
+        recorder(folder, "divide", "--calls", "--served") as (says, told),
+    ):
+        waited = {"rc record: calls of talker over shm\n", "rc record: calls of talker over shm of base\n"}
+        wait_until(lambda: waited.discard(says()) or not waited)
+        call("base")
+        call("here")
+    assert {(each["component"], each["host"], each["told"]) for each in told["tellers"]} == {
+        ("talker", "", 1),
+        ("talker", "base", 1),
+    }
+
+
 def test_a_topic_that_may_be_on_a_lost_host_is_told_so(
     network: elsewhere.Network, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
