@@ -220,7 +220,7 @@ class Leader:
         self._asking: Alarm | None = None
         """That of the loop, while it leads."""
         self.is_for_loop = False
-        """Whether nothing takes long now: no pause, no one who joins."""
+        """Whether nothing takes long now: there is no pause, and no component joins or leaves."""
         self._core, self._instants = ANY_CORE, 0
         self.helm = Helm(f"{member.instance[1:]}-leader", self)
 
