@@ -51,7 +51,7 @@ class Answering:
         """Where a leader reaches it; "" if that is not possible."""
         self.is_for_loop = False
         """While a leader is connected."""
-        self.core = ANY_CORE
+        self._core = ANY_CORE
         """That of the leader, as its last question told."""
         self._answers = answers
         self._listening: socket.socket | None = None
@@ -85,6 +85,9 @@ class Answering:
             self._listening.close()
 
     # For the helm.
+
+    def core(self) -> int:
+        return self._core
 
     def serve(self, by: Alarm, timeout: float, *, is_loop: bool) -> bool:
         sock = self._connected
@@ -122,7 +125,7 @@ class Answering:
             size = sock.recv_into(buffer)
             if not size:
                 raise OSError("the connection has ended")
-            number, kind, now, self.core = QUESTION.unpack_from(buffer)
+            number, kind, now, self._core = QUESTION.unpack_from(buffer)
             last = unpack_answer(buffer, QUESTION.size, size)[1] if kind == LOOK else _NO_STATE
             self._question = number, kind, now, last
 

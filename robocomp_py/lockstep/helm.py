@@ -110,9 +110,8 @@ class Duty(Protocol):
         """Whether the loop may do it now."""
         ...
 
-    @property
     def core(self) -> int:
-        """The core on which the loop should wait; ANY_CORE if that does not matter."""
+        """The core on which the loop, which calls this, should wait; ANY_CORE if that does not matter."""
         ...
 
     def serve(self, by: Alarm, timeout: float, *, is_loop: bool) -> bool:
@@ -180,7 +179,7 @@ class Helm:
         if not self._has_registered:
             self._has_registered = True
             receives(self._step_aside)
-        cores = _stay_on(self._duty.core)
+        cores = _stay_on(self._duty.core())
         try:
             return self._duty.serve(self.alarm, timeout, is_loop=True)
         finally:

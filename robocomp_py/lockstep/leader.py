@@ -6,8 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from ..contract.component import Port
 from ..contract.interface import Verb
@@ -17,17 +16,15 @@ from ..threads import NO_THREAD
 from ..wire import names
 from .balance import Balance, State
 from .helm import ANY_CORE, Alarm, Helm, present_core
-from .line import Line, connect
 from .links import Reaches, Seated
 from .pace import Pace
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
     LOCKSTEPLEADER_INTERFACE,
-    Counter,
     LockstepFollowerProxy,
-    Report,
 )
+from .seats import UNKNOWN, Near, Seat, reached
 
 if TYPE_CHECKING:
     from ..runtime.settings import Settings
@@ -37,9 +34,6 @@ log = logging.getLogger("robocomp.clock")
 _T = TypeVar("_T")
 
 Course: TypeAlias = Generator[bool, None, _T]
-
-_DEADLINE = 2.0
-"""Longest duration of one question in seconds."""
 
 _SILENT = 3
 """Number of questions in a row that a follower may leave unanswered."""
@@ -59,123 +53,8 @@ _IDLE = 0.05
 _LOOKS = 3
 """How often all components are looked at because of calls, before the clock goes on: some may never stop calling."""
 
-_UNKNOWN = State(NEVER, True, -1, ())
-"""A state from which all others differ, so that a component does not wait for a change."""
-
 _MOVES = 1000
 """Instants after which the leader looks on which core its loop runs: the system may have moved it."""
-
-
-class _Asked(Protocol):
-    """Is asked a question by `step`, `tell` or `look`; then `answer` is called, until it returns the state."""
-
-    def step(self, now: int) -> None: ...
-
-    def tell(self, now: int) -> None: ...
-
-    def look(self, last: State) -> None: ...
-
-    def answer(self, asking: Alarm | None) -> State | None:
-        """None if it takes longer, or if the thread of `asking`, a loop that waits for the clock, is due."""
-        ...
-
-    def counters(self) -> Sequence[Counter]: ...
-
-
-class _Near:
-    """The component that leads. Its loop may ask it itself."""
-
-    def __init__(self, member: Seated) -> None:
-        self._member = member
-        self._question: Callable[[Alarm | None], State | None] = lambda asking: _UNKNOWN
-        self.counters = member.counters
-
-    def step(self, now: int) -> None:
-        self._question = partial(self._member.work, now)
-
-    def tell(self, now: int) -> None:
-        self._question = lambda asking: self._member.tell(now)
-
-    def look(self, last: State) -> None:
-        self._question = partial(self._member.watch, last)
-
-    def answer(self, asking: Alarm | None) -> State | None:
-        return self._question(asking)
-
-
-class _Far:
-    """A follower in another process without a socket. It is asked by queries."""
-
-    def __init__(self, proxy: LockstepFollowerProxy) -> None:
-        self._proxy = proxy
-        self._question: Callable[[], Report] = Report
-
-    def step(self, now: int) -> None:
-        self._question = partial(self._proxy.step, now, deadline=_DEADLINE)
-
-    def tell(self, now: int) -> None:
-        self._question = partial(self._proxy.tell, now, deadline=_DEADLINE)
-
-    def look(self, last: State) -> None:
-        self._question = partial(self._proxy.look, last.report(), deadline=_DEADLINE)
-
-    def answer(self, asking: Alarm | None) -> State | None:
-        return State.of(self._question())
-
-    def counters(self) -> Sequence[Counter]:
-        return self._proxy.counters(deadline=_DEADLINE)
-
-
-class _OnLine:
-    """A follower that is asked over its socket."""
-
-    def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
-        self._proxy, self.line = proxy, line
-        self.step, self.tell, self.look, self.answer = line.step, line.tell, line.look, line.answer
-
-    def counters(self) -> Sequence[Counter]:
-        return self._proxy.counters(deadline=_DEADLINE)
-
-
-def _reached(proxy: LockstepFollowerProxy) -> _OnLine | _Far:
-    try:
-        address = proxy.line(deadline=_DEADLINE)
-    except RobocompError as exc:
-        log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
-        address = ""
-    line = connect(address, _DEADLINE) if address else None
-    return _OnLine(proxy, line) if line else _Far(proxy)
-
-
-class _Seat:
-    """One component that takes part, and its latest state."""
-
-    def __init__(self, name: str, asked: _Asked, close: Callable[[], None] = lambda: None) -> None:
-        """`close` ends the links with it."""
-        self.name, self.asked, self._close = name, asked, close
-        self.is_near = isinstance(asked, _Near)
-        self.line = asked.line if isinstance(asked, _OnLine) else None
-        self.state = State(NEVER, True, 0, ())
-        self.version = -1
-        """That of its counters."""
-        self.counters: Sequence[Counter] = ()
-        self.silent = 0
-        """Number of questions that it did not answer in time."""
-
-    @property
-    def is_quick(self) -> bool:
-        """Whether a question takes so little that the loop may ask it."""
-        return self.is_near or self.line is not None
-
-    def close(self) -> None:
-        """Close what connects the leader with it."""
-        self.hang_up()
-        self._close()
-
-    def hang_up(self) -> None:
-        """Close its socket. Its links end with those of the component."""
-        if self.line:
-            self.line.close()
 
 
 class Leader:
@@ -197,7 +76,7 @@ class Leader:
         self._order = {name: number for number, name in enumerate([member.instance, *order])}
         self._pace = Pace(self._clock.speed)
         self._now = 0
-        self._seats: list[_Seat] = []
+        self._seats: list[Seat] = []
         self._are_quick = False
         """Whether questions to all of them take little."""
         self._balance = Balance({})
@@ -281,9 +160,8 @@ class Leader:
 
     # For the helm.
 
-    @property
     def core(self) -> int:
-        """The one on which the loop runs, when it is asked for on its thread."""
+        """That on which its loop runs, which calls this."""
         self._instants -= 1
         if self._instants < 0:
             self._instants = _MOVES
@@ -315,7 +193,7 @@ class Leader:
             self._gather()
             with self._lock:
                 self._now = max([self._now, *self._joining.values()])  # from which the clock goes on
-            yield from self._seat_all([_Seat(self._member.instance, _Near(self._member))])
+            yield from self._seat_all([Seat(self._member.instance, Near(self._member))])
             self._pace.begin(self._now)
             while not self._closing.is_set():
                 yield from self._go_on()
@@ -342,7 +220,7 @@ class Leader:
         if instant is not None:
             yield from self._tick(instant)
         elif not self._closing.is_set():
-            yield from self._look(self._seats, _UNKNOWN)
+            yield from self._look(self._seats, UNKNOWN)
             self._is_level = False
 
     def _gather(self) -> None:
@@ -378,10 +256,10 @@ class Leader:
         for name, now in joining.items():
             self._now = max(self._now, now)
             proxy, close = self._connections.reach(port, name)
-            kept.append(_Seat(name, _reached(proxy), close))
+            kept.append(Seat(name, reached(proxy), close))
         yield from self._seat_all(kept)
 
-    def _seat_all(self, seats: Sequence[_Seat]) -> Course[None]:
+    def _seat_all(self, seats: Sequence[Seat]) -> Course[None]:
         """Go on with these components, all at the present instant."""
         last = len(self._order)
         with self._lock:
@@ -430,11 +308,11 @@ class Leader:
             if not busy:
                 if self._is_outdated and looks < _LOOKS:
                     looks, self._is_outdated = looks + 1, False
-                    yield from self._look(self._seats, _UNKNOWN)
+                    yield from self._look(self._seats, UNKNOWN)
                     continue
                 self._is_outdated = False
                 ahead = {name for flow in self._balance.ahead(numbers) for name, _ in flow.senders}
-                if ahead and (yield from self._look([each for each in self._seats if each.name in ahead], _UNKNOWN)):
+                if ahead and (yield from self._look([each for each in self._seats if each.name in ahead], UNKNOWN)):
                     continue  # they had sent more since they were asked
                 self._balance.level(numbers)
                 return
@@ -452,7 +330,7 @@ class Leader:
                 told = True
                 log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
 
-    def _look(self, seats: Sequence[_Seat], last: State | None = None) -> Course[bool]:
+    def _look(self, seats: Sequence[Seat], last: State | None = None) -> Course[bool]:
         """Ask for states that differ from `last`, by default the known ones; returns whether anything has changed."""
         changed = False
         for each in list(seats):
@@ -461,7 +339,7 @@ class Leader:
             changed |= each.state != before or each not in self._seats
         return changed
 
-    def _ask(self, seat: _Seat, question: Callable[[_T], None], about: _T) -> Course[None]:
+    def _ask(self, seat: Seat, question: Callable[[_T], None], about: _T) -> Course[None]:
         """Take a new report of a component; without an answer, go on without it."""
         made = seat.state.made
         try:
@@ -489,7 +367,7 @@ class Leader:
         self._balance.level(self._numbers(), all=True)
         self._receivers = self._balance.receivers
 
-    def _drop(self, seat: _Seat, why: str) -> None:
+    def _drop(self, seat: Seat, why: str) -> None:
         with self._lock:
             has_left = seat.name in self._leaving
             self._seats = [each for each in self._seats if each is not seat]

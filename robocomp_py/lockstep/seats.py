@@ -1,0 +1,142 @@
+"""The components that take part in lock-step, as their leader asks them.
+
+Near      the one that leads
+OnLine    a follower that is asked over its socket
+Far       a follower without a socket, which is asked by queries
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Protocol
+
+from ..errors import RobocompError
+from ..runtime.clock import NEVER
+from .balance import State
+from .helm import Alarm
+from .line import Line, connect
+from .links import Seated
+from .RoboCompLockstep import Counter, LockstepFollowerProxy, Report
+
+log = logging.getLogger("robocomp.clock")
+
+_DEADLINE = 2.0
+"""Longest duration of one question in seconds."""
+
+UNKNOWN = State(NEVER, True, -1, ())
+"""A state from which all others differ, so that a component does not wait for a change."""
+
+
+class Asked(Protocol):
+    """Is asked a question by `step`, `tell` or `look`; then `answer` is called, until it returns the state."""
+
+    def step(self, now: int) -> None: ...
+
+    def tell(self, now: int) -> None: ...
+
+    def look(self, last: State) -> None: ...
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        """None if it takes longer, or if the thread of `asking`, a loop that waits for the clock, is due."""
+        ...
+
+    def counters(self) -> Sequence[Counter]: ...
+
+
+class Near:
+    """The component that leads. Its loop may ask it itself."""
+
+    def __init__(self, member: Seated) -> None:
+        self._member = member
+        self._question: Callable[[Alarm | None], State | None] = lambda asking: UNKNOWN
+        self.counters = member.counters
+
+    def step(self, now: int) -> None:
+        self._question = partial(self._member.work, now)
+
+    def tell(self, now: int) -> None:
+        self._question = lambda asking: self._member.tell(now)
+
+    def look(self, last: State) -> None:
+        self._question = partial(self._member.watch, last)
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        return self._question(asking)
+
+
+class Far:
+    """A follower in another process without a socket. It is asked by queries."""
+
+    def __init__(self, proxy: LockstepFollowerProxy) -> None:
+        self._proxy = proxy
+        self._question: Callable[[], Report] = Report
+
+    def step(self, now: int) -> None:
+        self._question = partial(self._proxy.step, now, deadline=_DEADLINE)
+
+    def tell(self, now: int) -> None:
+        self._question = partial(self._proxy.tell, now, deadline=_DEADLINE)
+
+    def look(self, last: State) -> None:
+        self._question = partial(self._proxy.look, last.report(), deadline=_DEADLINE)
+
+    def answer(self, asking: Alarm | None) -> State | None:
+        return State.of(self._question())
+
+    def counters(self) -> Sequence[Counter]:
+        return self._proxy.counters(deadline=_DEADLINE)
+
+
+class OnLine:
+    """A follower that is asked over its socket."""
+
+    def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
+        self._proxy, self.line = proxy, line
+        self.step, self.tell, self.look, self.answer = line.step, line.tell, line.look, line.answer
+
+    def counters(self) -> Sequence[Counter]:
+        return self._proxy.counters(deadline=_DEADLINE)
+
+
+def reached(proxy: LockstepFollowerProxy) -> OnLine | Far:
+    """A follower, given its proxy."""
+    try:
+        address = proxy.line(deadline=_DEADLINE)
+    except RobocompError as exc:
+        log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
+        address = ""
+    line = connect(address, _DEADLINE) if address else None
+    return OnLine(proxy, line) if line else Far(proxy)
+
+
+class Seat:
+    """One component that takes part, and its latest state."""
+
+    def __init__(self, name: str, asked: Asked, close: Callable[[], None] = lambda: None) -> None:
+        """`close` ends the links with it."""
+        self.name, self.asked, self._close = name, asked, close
+        self.is_near = isinstance(asked, Near)
+        self.line = asked.line if isinstance(asked, OnLine) else None
+        self.state = State(NEVER, True, 0, ())
+        self.version = -1
+        """That of its counters."""
+        self.counters: Sequence[Counter] = ()
+        self.silent = 0
+        """Number of questions that it did not answer in time."""
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether a question takes so little that the loop may ask it."""
+        return self.is_near or self.line is not None
+
+    def close(self) -> None:
+        """Close what connects the leader with it."""
+        self.hang_up()
+        self._close()
+
+    def hang_up(self) -> None:
+        """Close its socket. Its links end with those of the component."""
+        if self.line:
+            self.line.close()
