@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -164,6 +165,35 @@ def test_a_thread_of_a_component_is_a_warning(folder: Path) -> None:
 def test_an_instance_that_does_not_end_in_time_is_an_error(folder: Path, capsys: Said) -> None:
     assert rcdeploy(["simulate", str(folder / "net.ddsl"), "--until", "asker", "--for", "0.1"]) == 1
     assert "asker has not ended in 0.1 s" in capsys.readouterr().err
+
+
+def simulated(said: Said, folder: Path, *arguments: object) -> dict[str, Any]:
+    """The result of a run in this process."""
+    assert rcdeploy(["simulate", str(folder / "net.ddsl"), "--json", *map(str, arguments)]) == 0
+    result: dict[str, Any] = json.loads(said.readouterr().out)
+    return result
+
+
+def test_a_run_ends_when_an_instance_has_ended(folder: Path, capsys: Said) -> None:
+    compute(folder, "if self.now() >= 400_000_000:", "    self.stop()")
+    assert simulated(capsys, folder, "--until", "asker", "--for", 60)["seconds"] == 0.4
+
+
+def test_a_run_at_a_speed_takes_its_time_and_says_the_same(folder: Path, capsys: Said) -> None:
+    paced, quick = (simulated(capsys, folder, "--for", 0.6, "--speed", speed) for speed in (2, "max"))
+    assert paced["took"] >= 0.3
+    assert (paced["hash"], paced["seconds"]) == (quick["hash"], 0.6)
+
+
+def test_a_difference_between_two_versions_is_seen_in_their_traces(folder: Path, capsys: Said) -> None:
+    traces = []
+    for greeting in ("str(self.now())", "str(self.now()).replace('4', '5')"):
+        compute(folder, f"self.hello_proxy.greet({greeting})")
+        traces.append(folder / f"{len(traces)}.jsonl")
+        simulated(capsys, folder, "--for", 0.1, "--trace", traces[-1])
+    old, new = (trace.read_text().splitlines() for trace in traces)
+    differing = [json.loads(line) for before, line in zip(old, new, strict=True) if before != line]
+    assert [(line["ns"], line["kind"]) for line in differing] == [(40_000_000, "query"), (40_000_000, "ok")]
 
 
 def test_wrong_words_are_told_before_anything_starts(folder: Path, capsys: Said) -> None:
