@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..tools.shortening import shortened
 from .common import UNREACHABLE
 from .hosts import code_of
-from .live import Absent, Wrong, awaited, nothing_heard, say, spelled, tell_lost
+from .live import Absent, Wrong, awaited, nothing_heard, say, spelled, tell_host
 
 if TYPE_CHECKING:
     from ..tools.calls import Seen
@@ -53,7 +53,7 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
             heard = opened.take(_LOOK)
             while opened.lost:
                 ended = UNREACHABLE
-                tell_lost(options, opened.lost.pop(0))
+                tell_host(options, opened.lost.pop(0))
             if heard is None:
                 continue
             call, dropped = seen(channels, heard.message, served=options.served)

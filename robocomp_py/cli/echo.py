@@ -27,7 +27,7 @@ from .live import (
     reported,
     say,
     spelled,
-    tell_lost,
+    tell_host,
 )
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import Lost, Presence, tapped
+    from ..tools.tap import Back, Lost, Presence, tapped
 
     if options.csv and options.json:
         print("rc echo: --csv and --json exclude each other", file=sys.stderr)
@@ -111,9 +111,9 @@ def run(options: argparse.Namespace) -> int:
             if isinstance(each, Presence):
                 _tell(each)
                 continue
-            if isinstance(each, Lost):
+            if isinstance(each, Lost | Back):
                 ended = UNREACHABLE
-                tell_lost(options, each)
+                tell_host(options, each)
                 continue
             heard += 1
             if each.dropped:

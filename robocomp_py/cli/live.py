@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import End
     from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
-    from ..tools.tap import Lost
+    from ..tools.tap import Back, Lost
 
 T = TypeVar("T")
 
@@ -213,9 +213,12 @@ def understood(options: argparse.Namespace, topics: Sequence[Channel]) -> list[C
     return found
 
 
-def tell_lost(options: argparse.Namespace, lost: Lost) -> None:
-    """Say that a host is not heard any more, while others are."""
-    say(f"rc {options.command}", f"{lost.why}; the others go on")
+def tell_host(options: argparse.Namespace, told: Lost | Back) -> None:
+    """Say that a host is not heard any more, while others are, or that it is heard again."""
+    from ..tools.tap import Lost
+
+    text = f"{told.why}; the others go on" if isinstance(told, Lost) else f"{told.host} is heard again"
+    say(f"rc {options.command}", text)
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .common import UNREACHABLE
 from .hosts import add_hosts, code_of
-from .live import add_topics, count, nothing_heard, tell_lost
+from .live import add_topics, count, nothing_heard, tell_host
 
 if TYPE_CHECKING:
     from ..tools.hosts import Hosts
@@ -44,7 +44,7 @@ def measure(
 
     Raises Absent if nothing is heard.
     """
-    from ..tools.tap import Lost, Resumed, arrivals
+    from ..tools.tap import Back, Lost, Resumed, arrivals
     from ..tools.traffic import Traffic
 
     heard: dict[tuple[str, str], Traffic] = {}
@@ -72,9 +72,9 @@ def measure(
         if isinstance(each, Resumed):
             for traffic in heard.values():
                 traffic.resume(each.at)
-        elif isinstance(each, Lost):
+        elif isinstance(each, Lost | Back):
             code = UNREACHABLE
-            tell_lost(options, each)
+            tell_host(options, each)
         elif each:
             heard.setdefault((each.channel, each.host), Traffic(options.window)).note(each)
         if time.monotonic() - told >= _TELL:

@@ -37,6 +37,9 @@ ARRIVALS = 100_000
 _LOOK = 0.1
 """Seconds between two looks at the clock and at signals."""
 
+_AGAIN = 2.0
+"""Seconds between two attempts to hear a lost host."""
+
 _FAR = 64 * 1024
 """Octets that a message which a scout has decoded counts for."""
 
@@ -51,10 +54,16 @@ class Presence(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """A host is not heard any more, and the other subscriptions go on."""
+    """A host is not heard any more, and the other subscriptions go on. It is tried again and again."""
 
     host: str
     why: str
+
+
+class Back(NamedTuple):
+    """A lost host is heard again."""
+
+    host: str
 
 
 class Resumed(NamedTuple):
@@ -118,7 +127,7 @@ class Inbox:
 
 def tapped(
     topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
-) -> Generator[Message | Presence | Lost, None, None]:
+) -> Generator[Message | Presence | Lost | Back, None, None]:
     """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
 
     A topic may be there several times, as its `subscriptions`. Whether topics are published is noticed while no message
@@ -136,10 +145,16 @@ def tapped(
     )
     with _listening(subscriptions):
         while span.goes_on():
-            yield from subscriptions.losses()
+            for lost in subscriptions.losses():
+                for key in [each for each in published if each[1] == lost.host]:
+                    del published[key]
+                    ended.discard(key)
+                yield lost
             if found := inbox.get(_LOOK):
                 span.heard = True
                 message = _message(*found)
+                if subscriptions.is_back(message.host):
+                    yield Back(message.host)
                 published[message.channel, message.host] = True
                 yield message
                 continue
@@ -183,7 +198,7 @@ def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
 
 def arrivals(
     topics: Sequence[Channel], *, first: float, whole: float | None
-) -> Iterator[Arrival | Lost | Resumed | None]:
+) -> Iterator[Arrival | Lost | Back | Resumed | None]:
     """The arrivals of new messages, as long as `tapped`; None whenever a while passes without one.
 
     While the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
@@ -212,7 +227,10 @@ def arrivals(
             except queue.Empty:
                 yield None
             else:
-                span.heard = span.heard or isinstance(arrival, Arrival)
+                if isinstance(arrival, Arrival):
+                    span.heard = True
+                    if subscriptions.is_back(arrival.host):
+                        yield Back(arrival.host)
                 yield arrival
 
 
@@ -269,11 +287,15 @@ class _Subscriptions:
         for each in topics:
             if each.via:
                 self._posts.setdefault(each.via, []).append(each)
-        self._following = contextlib.ExitStack()
+        self._following: dict[Post, contextlib.ExitStack] = {}
         self._access: Access | None = None
         self._links: list[tuple[str, Subscription]] = []
         self._told: set[str] = set()
-        """The lost hosts that `losses` has told."""
+        """The lost hosts that `losses` has told, and that are not back."""
+        self._changing = threading.Lock()
+        """Held while subscriptions are opened or closed."""
+        self._again = 0.0
+        """When lost hosts are to be tried again."""
         self._wanted: queue.SimpleQueue[None] = queue.SimpleQueue()
         """Gets an item when this process is to stop, or the subscriptions are to end.
 
@@ -284,7 +306,8 @@ class _Subscriptions:
         self._thread = threading.Thread(target=self._pause, name="pause", daemon=True)
 
     def open(self) -> None:
-        self._listen()
+        with self._changing:
+            self._listen()
         start_thread(self._thread)
 
     def stop(self, number: int, frame: FrameType | None) -> None:
@@ -305,6 +328,23 @@ class _Subscriptions:
             if host not in self._told:
                 self._told.add(host)
                 yield Lost(host, str(error))
+        if lost and time.monotonic() > self._again:
+            self._again = time.monotonic() + _AGAIN
+            self._try_again()
+
+    def is_back(self, host: str) -> bool:
+        """Whether a host that is heard was told to be lost; once."""
+        was_lost = host in self._told and host not in self._far.lost
+        if was_lost:
+            self._told.discard(host)
+        return was_lost
+
+    def _try_again(self) -> None:
+        """Subscribe on lost hosts, unless this process is about to be stopped."""
+        with self._changing:
+            for post, there in self._posts.items() if self._access else ():
+                if post.host in self._far.lost:
+                    self._follow(post, there)
 
     def presences(self) -> Mapping[tuple[str, str], bool]:
         """The topics by name and host, and whether something publishes them now, as far as middlewares can tell."""
@@ -319,7 +359,8 @@ class _Subscriptions:
         self._wanted.put(None)
         if self._thread.ident:
             self._thread.join()
-        self._silence()
+        with self._changing:
+            self._silence()
 
     def _pause(self) -> None:
         while True:
@@ -328,11 +369,13 @@ class _Subscriptions:
                 self._wanted.get()
             if self._is_over:
                 return
-            self._silence()
+            with self._changing:
+                self._silence()
             os.kill(os.getpid(), signal.SIGSTOP)
             self._resumed()
             try:
-                self._listen()
+                with self._changing:
+                    self._listen()
             except Exception as exc:  # for `check`
                 self._error = exc
                 return
@@ -346,16 +389,22 @@ class _Subscriptions:
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
             self._links.append((topic.name, heard.link))
         for post, there in self._posts.items():
-            try:
-                self._following.enter_context(self._far.following(post, there))
-            except RobocompError as exc:  # for `check` and `losses`
-                self._far.lost[post.host] = exc
+            self._follow(post, there)
+
+    def _follow(self, post: Post, topics: Sequence[Channel]) -> None:
+        self._far.lost.pop(post.host, None)
+        self._following.setdefault(post, contextlib.ExitStack()).close()
+        try:
+            self._following[post].enter_context(self._far.following(post, topics))
+        except RobocompError as exc:  # for `check` and `losses`
+            self._far.lost[post.host] = exc
 
     def _sink(self, name: str, show: Show) -> Callable[[Heard], None]:
         return lambda heard: self._take(name, heard, show)
 
     def _silence(self) -> None:
-        self._following.close()
+        for each in self._following.values():
+            each.close()
         self._links = []
         if self._access:
             self._access.close()

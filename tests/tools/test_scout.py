@@ -351,16 +351,20 @@ def test_what_several_hosts_serve_under_one_name_is_not_called_by_chance(
                 assert ({each.host for each in told.topics}, told.silent) == ({"", "base"}, {})
 
 
-def test_when_one_of_several_hosts_is_lost_the_others_are_heard(
+def test_when_one_of_several_hosts_is_lost_the_others_are_heard_until_it_is_back(
     talker: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     complaints = io.StringIO()
     with elsewhere.network("base") as network:
 
         def cut_once_it_listens() -> None:
+            scouts = dict(network.standing.scouts)
             wait_until(lambda: any('"hear"' in each for each in network.questions))
+            network.standing.scouts.clear()
             network.cut()
             wait_until(lambda: "the others go on" in complaints.getvalue())
+            network.standing.scouts |= scouts
+            wait_until(lambda: "is heard again" in complaints.getvalue())
             talker.texts = ("late",)
 
         cut = threading.Thread(target=cut_once_it_listens)
@@ -369,8 +373,10 @@ def test_when_one_of_several_hosts_is_lost_the_others_are_heard(
         with contextlib.redirect_stderr(complaints):
             assert rc.main(list(words)) == UNREACHABLE
         cut.join()
-    assert json.loads(capsys.readouterr().out)["host"] == ""
-    assert complaints.getvalue() == "rc echo: base is out of reach: its cable was cut; the others go on\n"
+    assert json.loads(capsys.readouterr().out)["message"]["text"] == "late"
+    assert complaints.getvalue() == (
+        "rc echo: base is out of reach: its cable was cut; the others go on\nrc echo: base is heard again\n"
+    )
 
 
 def test_what_a_terminal_cannot_take_is_dropped_and_counted_and_no_publisher_waits(talker: Any, post: Post) -> None:
