@@ -10,7 +10,7 @@ import time
 import traceback
 from collections.abc import Iterable, Sequence
 
-from . import attacks, calls, memory, network, networks, report, scarcity, starts, surroundings, topics
+from . import attacks, calls, memory, network, networks, report, routers, scarcity, starts, surroundings, topics
 from . import frames as about_frames
 from .rows import Row, Run
 
@@ -24,6 +24,7 @@ ROWS: list[Row] = [
     *scarcity.ROWS,
     *network.ROWS,
     *networks.ROWS,
+    *routers.ROWS,
     *attacks.ROWS,
 ]
 

@@ -1,5 +1,5 @@
 """The rows of the matrix, and what one run of a row is: see `calls`, `topics`, `frames`, `memory`, `surroundings`,
-`network`."""
+`network`, `routers`."""
 
 from __future__ import annotations
 
