@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import threading
@@ -31,6 +32,9 @@ DEPTH = 100
 _OCTETS = 64 * 1024 * 1024
 """Octets that may wait in one queue."""
 
+_AGAIN = 2.0
+"""Seconds between two attempts to hear a lost host."""
+
 _LOOK = 0.2
 """Seconds between two looks at whether the connection is closed."""
 
@@ -45,6 +49,8 @@ class Hearing:
         self._newest: tuple[float, _Arrived] | None = None
         self._queues: weakref.WeakSet[Listening] = weakref.WeakSet()
         self._links: list[Subscription] = []
+        self._again = 0.0
+        """When lost hosts are to be tried again."""
         self._told: set[FarLink] = set()
         """Those of lost hosts that the log has."""
         failed: list[HostUnreachable] = []
@@ -67,11 +73,14 @@ class Hearing:
     def latest(self, timeout: float, newer_than: float | None) -> Any:
         begun = time.monotonic()
         oldest = -math.inf if newer_than is None else begun - newer_than
-        with self.arrived:
-            while self._newest is None or self._newest[0] < oldest:
+        while True:
+            self.try_again()
+            with self.arrived:
+                if self._newest is not None and self._newest[0] >= oldest:
+                    payload, read = self._newest[1]
+                    break
                 self.wait(begun + timeout, timeout)
-            arrived = self._newest[1]
-        return arrived.read(arrived.payload)
+        return read(payload)
 
     def listen(self, timeout: float | None, depth: int | None) -> Listening:
         made = Listening(self, timeout, DEPTH if depth is None else max(1, depth))
@@ -95,6 +104,19 @@ class Hearing:
         if left <= 0:
             raise Timeout(f"{self.name}: no message came in {timeout:g} s")
         self.arrived.wait(left)
+
+    def try_again(self) -> None:
+        """Hear lost hosts again, from time to time, while others are heard."""
+        lost = [each for each in self._links if isinstance(each, FarLink) and each.error]
+        if not lost or len(lost) == len(self._links):
+            return
+        with self.arrived:
+            if time.monotonic() < self._again or self._session.is_closed:
+                return
+            self._again = time.monotonic() + _AGAIN
+        for each in lost:
+            with contextlib.suppress(RobocompError):  # it is still lost
+                each.open()
 
     def forget(self, queue: Listening) -> None:
         with self.arrived:
@@ -156,14 +178,17 @@ class Listening:
     def __next__(self) -> Any:
         hearing = self._hearing
         end = None if self._timeout is None else time.monotonic() + self._timeout
-        with hearing.arrived:
-            while not self._waiting:
+        while True:
+            hearing.try_again()
+            with hearing.arrived:
+                if self._waiting:
+                    payload, read = self._waiting.popleft()
+                    self._octets -= size_of(payload)
+                    break
                 try:
                     hearing.wait(end, self._timeout)
                 except Closed:
                     raise StopIteration from None
-            payload, read = self._waiting.popleft()
-            self._octets -= size_of(payload)
         return read(payload)
 
     def __repr__(self) -> str:

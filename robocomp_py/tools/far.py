@@ -159,10 +159,16 @@ class FarLink:
         return self._post.host
 
     def open(self) -> None:
-        """Subscribe, also again after an error. Raises what asking a scout raises."""
+        """Subscribe, also again after an error, unless it is closed. Raises what asking a scout raises."""
+        if self._is_closed:
+            return
         self._following.close()
         self.error = None
-        self._following.enter_context(self._post.following("octets", self._answer, **self._question))
+        try:
+            self._following.enter_context(self._post.following("octets", self._answer, **self._question))
+        except RobocompError as exc:
+            self.error = exc
+            raise
 
     def close(self) -> None:
         """Idempotent. After it returns, the sink is not called again."""

@@ -107,11 +107,15 @@ def test_publishers_of_one_name_are_heard_on_all_hosts(
         messages = topic.listen(timeout=SOON)
         heard = {"here", topic.latest().text}
         wait_until(lambda: heard.add(next(messages).text) or len(heard) == 2)
+        scouts = dict(network.standing.scouts)
+        network.standing.scouts.clear()
         network.cut()
         here.texts = ("still here",)
         with caplog.at_level(logging.WARNING):
             wait_until(lambda: next(messages).text == "still here" and why in caplog.text)
         assert topic.latest(newer_than=0).text == "still here"
+        network.standing.scouts |= scouts
+        wait_until(lambda: not next(messages).text.endswith("here"))
     assert caplog.text.count(why) == 1
 
 
