@@ -122,6 +122,8 @@ def test_an_exception_in_a_handler_is_a_failure_at_the_end_of_the_run(folder: Pa
     assert (result["seconds"], result["failed"]) == (1.0, [])
     what = {"instance": "hello", "method": "SpecificWorker.Hello_greet", "exception": "ValueError: too late"}
     assert result["errors"] == [{"time": 0.02, **what}]
+    done = simulate(folder / "net.ddsl", "--for", 1, "--check")
+    assert (done.returncode, done.stdout) == (1, "both runs said the same: 102 messages\n")
 
 
 def test_check_names_the_sender_that_reads_the_time_of_day(folder: Path) -> None:
