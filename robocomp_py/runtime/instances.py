@@ -257,8 +257,12 @@ class NamedHandlers(NamedInstances[H]):
         _check_handler(self._port, handler)
         if handler.instance:
             raise ValueError(f"this handler was added as `{handler.instance}`; make one for each name")
-        self._add(Entry(name, handler))
-        handler.instance = name
+        handler.instance = name  # first: calls may come as soon as it is bound
+        try:
+            self._add(Entry(name, handler))
+        except BaseException:
+            handler.instance = ""
+            raise
         return handler
 
     def remove(self, name: str) -> None:

@@ -6,17 +6,17 @@ import logging
 import socket
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robocomp_py.contract.component import HANDLER, WORKER
+from robocomp_py.contract.component import HANDLER, WORKER, Port
 from robocomp_py.errors import ComponentError, ConfigurationError
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.effective import as_toml, effective
-from robocomp_py.runtime.instances import InstanceHandler
+from robocomp_py.runtime.instances import Entry, InstanceHandler, NamedHandlers
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.instances import House, InstancesConformance, InstancesSuite, Teller
 from robocomp_py.testing.patience import SOON, wait_until
@@ -49,8 +49,43 @@ class TestZenoh(OverZenoh, InstancesConformance):
     pass
 
 
+class Eager:
+    """Connects instances, and calls them at once."""
+
+    def __init__(self, answers: list[str]) -> None:
+        self._answers = answers
+
+    def bind(self, port: Port, entry: Entry[Any]) -> None:
+        self._answers.append(entry.given.tell("hello"))
+
+    def unbind(self, entry: Entry[Any]) -> None:
+        pass
+
+    def suspended(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def changed(self) -> None:
+        pass
+
+
 class TestOfAComponent(OverInproc, InstancesSuite):
     """What a component is told, once for all transports."""
+
+    def test_a_handler_knows_its_name_when_the_first_call_comes(self) -> None:
+        port = House.component.ports[0]
+        teller: NamedHandlers[Teller] = NamedHandlers(port, "house", None)
+        answers: list[str] = []
+        teller.begin(Eager(answers))
+        teller.add("front", Teller())
+        assert answers == ["front: hello"]
+
+    def test_a_handler_that_could_not_be_added_has_no_name(self) -> None:
+        teller: NamedHandlers[Teller] = NamedHandlers(House.component.ports[0], "house", frozenset({"front"}))
+        handler = Teller()
+        with pytest.raises(ConfigurationError):
+            teller.add("back", handler)
+        assert handler.instance == ""
+        assert teller.add("front", handler).instance == "front"
 
     @pytest.mark.parametrize("name", ["", "a b", "1st", "a/b", "*", None])
     def test_a_bad_name_is_refused(self, house: House, name: Any) -> None:
