@@ -36,7 +36,8 @@ examples:
 Durations are those of the latest 256 messages or calls: for a client the round trip, for a server or a subscriber the
 run of its handler, for a publisher the time in `send`. `wait` is the longest time before a handler ran.
 `not heard`: nothing subscribes to a topic, so that a component may not publish there, as scenes do (`--all`).
-Components that share a process show the processor and the memory of all of them.
+Components that share a process show the processor and the memory of all of them. Memory that several processes share,
+as that of the interpreter, counts whole for each of them; `rcdeploy status` counts it in part.
 
 {EXIT_STATUS}
 """
