@@ -112,12 +112,13 @@ class Served:
 
 
 @contextlib.contextmanager
-def house(shapes: int, *, cameras: bool) -> Iterator[Path]:
+def house(shapes: int, *, rays: int = 360, cameras: bool = False) -> Iterator[Path]:
     """A folder with the component `house`, which simulates a scene of two robots with lasers; and `watcher`."""
     with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as name:
         folder, tree = Path(name), hall(shapes)
+        for robot in ("robot0", "robot1"):
+            tree.set_value(f"{robot}_laser", "measures", RAYS if cameras else rays)
         for robot in ("robot0", "robot1") if cameras else ():
-            tree.set_value(f"{robot}_laser", "measures", RAYS)
             tree.add(f"{robot}_mount", "rgbd", f"{robot}_eye", width=WIDTH, height=HEIGHT, focal=500)
         tree.save(folder / "hall.xml")
         with contextlib.redirect_stdout(sys.stderr):

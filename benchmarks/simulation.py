@@ -1,4 +1,5 @@
-"""Measures a simulated scene: ticks, laser scans, plans and edits; and its component, from its start to its pictures.
+"""Measures a simulated scene: ticks, laser scans, plans and edits; environments of Gymnasium; and its component, from
+its start to its pictures.
 
 Where MuJoCo alone can do the same, it does so in turn, with the same model and the same state. Times are those of the
 processor, except those of the component.
@@ -9,7 +10,8 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from .components import component
 from .goals import Finding
@@ -22,7 +24,7 @@ from .tables import Table, times_as_much, us
 RATIO = 1.3
 """Times as long as MuJoCo alone."""
 
-SHAPES, MANY = 141, 341
+FEW, SHAPES, MANY = 61, 141, 341
 TICKS = 40
 """In each call, from the same state."""
 
@@ -35,6 +37,25 @@ MOST_DELAY, MOST_SHARE = 0.0004, 20.0
 
 PLANS, HORIZON = 4, 5.0
 
+ENVIRONMENT_STEP, ENVIRONMENT_RAYS, ENVIRONMENT_STEPS = 0.05, 90, 50
+"""Seconds of a step, rays of its laser, and steps in each call."""
+
+MOST_STEPS = 12_600
+"""Of an environment in a second: those of a prototype."""
+
+_NETWORK = """\
+import "house/house.cdsl";
+
+Deployment hall
+{
+    Component house
+    {
+        offers robot0 : OmniRobot, FullPoseEstimation;
+        offers robot0_laser : Laser;
+    };
+};
+"""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -42,6 +63,7 @@ class Row:
     ours: float
     """µs of one; of plans, of all."""
     goal: str
+    """Nothing if there is none."""
     met: bool
     bare: float | None = None
     """µs of MuJoCo alone."""
@@ -55,6 +77,8 @@ def run(effort: Effort, tell: Tell) -> list[Row]:
     rows += [_scans(effort, rays) for rays in (360, 1080)]
     tell("simulation · plans and edits")
     rows += [_plans(effort), *_edits(effort)]
+    tell("simulation · environments")
+    rows += _environments(effort)
     tell("simulation · component")
     return [*rows, _start(), *_served(effort)]
 
@@ -187,10 +211,75 @@ def _edited(what: str, ours: list[float], bare: list[float], goal: float) -> Row
     return Row(f"{what} a node, {MANY} shapes", mine, f"≤ {us(goal)}, ≤ {RATIO:g} ×", is_met, its, found)
 
 
+def _environments(effort: Effort) -> list[Row]:
+    """Steps of an environment of Gymnasium: a base is driven, and its laser and its pose are observed. MuJoCo alone
+    goes on by as many ticks of the same model, and casts as many rays."""
+    with house(FEW, rays=ENVIRONMENT_RAYS) as folder:
+        (folder / "hall.ddsl").write_text(_NETWORK, encoding="utf-8")
+        return [_environment(folder, effort, physics=physics) for physics in (False, True)]
+
+
+def _environment(folder: Path, effort: Effort, *, physics: bool) -> Row:
+    import mujoco
+    import numpy as np
+
+    from robocomp_py.gym import NetworkEnv, Range
+
+    name, place = "robot0/OmniRobot/setSpeedBase", Range(-100.0, 100.0)
+    pose = "robot0/FullPoseEstimation/getFullPoseEuler.ret"
+    env = NetworkEnv(
+        folder / "hall.ddsl",
+        actions={name: {"advx": Range(-200.0, 200.0), "advz": Range(-200.0, 200.0), "rot": Range(-1.0, 1.0)}},
+        observations={
+            "robot0_laser/Laser/getLaserData.ret[*].dist": Range(0.0, 10000.0),
+            f"{pose}.x": place,
+            f"{pose}.z": place,
+        },
+        reward=lambda before, action, after: float(after[f"{pose}.z"][0] - before[f"{pose}.z"][0]),
+        seconds=ENVIRONMENT_STEP,
+        settings=[("house", f"params.physics={str(physics).lower()}")],
+    )
+    try:
+        env.reset(seed=1)
+        world = env.simulation["house"].worker.world
+        scene, ticks = world.view().scene, round(ENVIRONMENT_STEP / world.tick)
+        data, frame = mujoco.MjData(scene.model), scene.frames["robot0_laser"]
+        data.qpos[:] = scene.start
+        turns = np.linspace(-np.pi, np.pi, ENVIRONMENT_RAYS, endpoint=False)
+        directions = np.stack((np.cos(turns), np.sin(turns), np.zeros(ENVIRONMENT_RAYS)), axis=1).ravel()
+        hit, reached = np.empty(ENVIRONMENT_RAYS, np.int32), np.empty(ENVIRONMENT_RAYS)
+        actions = np.random.default_rng(1).uniform(-1.0, 1.0, (ENVIRONMENT_STEPS, 3)).astype(np.float32)
+
+        def ours() -> None:
+            env.reset(seed=1)
+            for action in actions:
+                env.step(action)
+
+        def bare() -> None:
+            mujoco.mj_resetData(scene.model, data)
+            data.qpos[:] = scene.start
+            for _ in range(ENVIRONMENT_STEPS):
+                for _ in range(ticks):
+                    mujoco.mj_step(scene.model, data)
+                origin = data.xpos[frame.body] + frame.position
+                given = (directions, None, True, frame.body, hit, reached, None, ENVIRONMENT_RAYS, 11.0)
+                mujoco.mj_multiRay(scene.model, data, origin, *given)
+
+        what = f"step of an environment, {FEW} shapes, {ENVIRONMENT_RAYS} rays, physics {'on' if physics else 'off'}"
+        row = _compared(what, ours, bare, effort, ENVIRONMENT_STEPS)
+    finally:
+        env.close()
+    rate = 1.0 / row.ours * 1e6
+    told = f"{row.what}: {rate:.0f} in a second"
+    if physics:
+        return replace(row, what=told, goal="", met=True)
+    return Row(told, row.ours, f"≥ {MOST_STEPS} in a second", rate >= MOST_STEPS)  # MuJoCo does not go on so
+
+
 def _start() -> Row:
     """From the process of a component that simulates a scene to `ready`, without a renderer."""
     took = []
-    with house(SHAPES, cameras=False) as folder:
+    with house(SHAPES) as folder:
         for _ in range(STARTS + 1):
             with component("house", folder, "zeromq") as ready:
                 took.append(ready.seconds)
@@ -226,7 +315,7 @@ def table(rows: list[Row]) -> Table:
             us(row.ours),
             us(row.bare),
             times_as_much(row.ratio),
-            f"{row.goal}: {'met' if row.met else 'missed'}",
+            f"{row.goal}: {'met' if row.met else 'missed'}" if row.goal else "–",
         )
         for row in rows
     ]
@@ -239,5 +328,5 @@ def findings(rows: list[Row]) -> list[Finding]:
     return [
         Finding("simulation", row.what, "", times_as_much(row.ratio), row.ratio <= RATIO, row.ratio)
         for row in rows
-        if row.ratio is not None
+        if row.ratio is not None and row.goal
     ]

@@ -45,17 +45,32 @@ class Drive:
     """The last correction, moved on by the odometry since."""
 
 
-def moved(pose: Three, speed: Three, time: float) -> Three:
-    """Where a base is after some seconds of constant speed: exact, since it drives along an arc of a circle."""
-    (x, z, turned), (ahead, aside, turn) = pose, speed
+Arc = tuple[float, float, float, float, float]
+"""A motion of some seconds at a constant speed, wherever it begins: along an arc of a circle."""
+
+
+def arc(speed: Three, time: float) -> Arc:
+    """What some seconds of constant speed do to a base."""
+    ahead, aside, turn = speed
     half = turn * time / 2
     chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
+    return ahead, aside, half, chord, turn * time
+
+
+def along(pose: Three, motion: Arc) -> Three:
+    """Where a base is that began at a pose: exact."""
+    (x, z, turned), (ahead, aside, half, chord, turn) = pose, motion
     sine, cosine = sin(turned + half), cos(turned + half)
     return (
         x + chord * (ahead * sine + aside * cosine),
         z + chord * (ahead * cosine - aside * sine),
-        turned + turn * time,
+        turned + turn,
     )
+
+
+def moved(pose: Three, speed: Three, time: float) -> Three:
+    """Where a base is after some seconds of constant speed."""
+    return along(pose, arc(speed, time))
 
 
 def in_parent(pose: Three, speed: Three, time: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import operator
 from collections.abc import Sequence
+from math import hypot
 
 import mujoco
 import numpy as np
@@ -12,14 +13,14 @@ from numpy.typing import NDArray
 
 from ..errors import RobocompError
 from ..innermodel.axes import Array
-from .bases import Drive, Speed, Three, between, in_parent, moved
+from .bases import Drive, Speed, Three, along, arc, between, in_parent, moved
 from .build import Base
 from .falling import DEEPEST, EVERY, caught
 from .joints import moved as motor_moved
 from .noise import normals
 from .servos import lag
 from .speeds import speed_of
-from .state import FARTHEST, State
+from .state import FARTHEST, Room, State
 
 _LEAST_FACTOR = 0.01
 """The least part of a base's speed that noise leaves."""
@@ -29,6 +30,12 @@ TOUCH = 1e-9
 
 _AT_ONCE = 200
 """The most ticks for which the noise of a base is computed at once."""
+
+_SIGHT = 1.0
+"""How far shapes are looked for that may stop a base, m."""
+
+_LEAST_ROOM = 0.01
+"""Where a base has less room than this, all shapes near to it are looked at in each tick, m."""
 
 _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
@@ -101,7 +108,8 @@ class Motion(State):
 
         Each of them moves for many ticks at once, unless something looks at the others in between.
         """
-        is_seen = bool(self._imus) or any(base.collides for base, _ in self._driven)
+        is_alone = len(self._driven) == 1 and not self._busy
+        is_seen = bool(self._imus) or (not is_alone and any(base.collides for base, _ in self._driven))
         at_once, last = 1 if is_seen else min(max(count - 1, 1), _AT_ONCE), self._ticks + count
         while self._ticks < last:
             passing = min(at_once, last - self._ticks)
@@ -210,31 +218,72 @@ class Motion(State):
         if drive.expires is None and not any(drive.speed):
             return
         places, length, ticks = self._places, self._tick, range(self._ticks + 1, self._ticks + count + 1)
+        told, wheels, goes_on = drive.speed, arc(drive.speed, length), self._goes_on(base, drive, count)
         for tick, factors in zip(ticks, self._factors(base.name, ticks), strict=True):
             before = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
-            self._expire(drive, before, tick)
-            if not any(drive.speed):
-                return
-            speed: Three = drive.speed
+            if not goes_on:
+                self._expire(drive, before, tick)
+                if drive.speed is not told or not any(told):
+                    return
+            motion = wheels
             if factors is not _EXACT:
-                ahead, aside, turn = speed
-                speed = ahead * factors[0], aside * factors[1], turn * factors[2]
+                ahead, aside, turn = told
+                motion = arc((ahead * factors[0], aside * factors[1], turn * factors[2]), length)
             if not base.collides:
-                self._place(base, moved(before, speed, length))
-            elif not self._goes(base, before, moved(before, speed, length)):
+                self._place(base, along(before, motion))
+            elif not self._goes(base, before, along(before, motion)):
                 continue
             is_corrected = drive.corrected is not drive.odometry
-            drive.odometry = moved(drive.odometry, drive.speed, length)
-            drive.corrected = moved(drive.corrected, drive.speed, length) if is_corrected else drive.odometry
+            drive.odometry = along(drive.odometry, wheels)
+            drive.corrected = along(drive.corrected, wheels) if is_corrected else drive.odometry
+
+    def _goes_on(self, base: Base, drive: Drive, count: int) -> bool:
+        """Whether it is sure that a base moves for some ticks, neither told to stop nor too far away."""
+        expires, speed = drive.expires, drive.speed
+        if not any(speed) or (expires is not None and self._ticks + count > expires) or base.name in self._noise:
+            return False
+        way = 2000.0 * count * self._tick * max(map(abs, speed))
+        return way + max(map(abs, (*self._pose(base.name), *drive.odometry, *drive.corrected))) < FARTHEST
 
     def _goes(self, base: Base, before: Three, after: Three) -> bool:
         """Put a base elsewhere, unless something stops it."""
+        if self._is_free_to(base, before, after):
+            return True
         depths = self._depths(base.name)
         self._place(base, after)
         if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
             self._place(base, before)
             return False
+        self._note_room(base)
         return True
+
+    def _is_free_to(self, base: Base, before: Three, after: Three) -> bool:
+        """Whether a base is known to be so far from all that stops it that it may go; it is elsewhere then."""
+        room = self._rooms.get(base.name)
+        if room is None or room.at != self._data.qpos.tobytes():
+            return False
+        (x, z, turn), (to_x, to_z, to) = before, after
+        left = room.left - hypot(to_x - x, to_z - z) / 1000.0 - abs(to - turn) * room.reach
+        if left <= 0.0:
+            return False
+        self._place(base, after)
+        self._rooms[base.name] = Room(self._data.qpos.tobytes(), left, room.reach)
+        return True
+
+    def _note_room(self, base: Base) -> None:
+        """Note how far a base may go from where it is, whatever it does, before it could touch something."""
+        places, depths = self._deep[base.name]
+        nearest = min(depths.values(), default=_SIGHT)
+        if nearest < _LEAST_ROOM:
+            return
+        data, bounds, reach = self._data, self._scene.model.geom_rbound, 0.0
+        middle = data.xpos[self._scene.frames[base.name].body]
+        for one, others, touching in self._stopped(base.name):
+            away = data.geom_xpos[others] - data.geom_xpos[one]
+            far = np.sqrt(np.einsum("ij,ij->i", away, away)) - np.sqrt(touching)
+            nearest = min(nearest, float(far[far >= 0.0].min(initial=_SIGHT)))
+            reach = max(reach, float(np.linalg.norm(data.geom_xpos[one] - middle) + bounds[one]))
+        self._rooms[base.name] = Room(places, nearest - _LEAST_ROOM / 2, reach)
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""
@@ -247,7 +296,7 @@ class Motion(State):
         for one, others, reach in self._stopped(name):
             away = data.geom_xpos[others] - data.geom_xpos[one]
             for other in others[np.einsum("ij,ij->i", away, away) < reach].tolist():
-                found[one, other] = mujoco.mj_geomDistance(model, data, one, other, 1.0, None)
+                found[one, other] = mujoco.mj_geomDistance(model, data, one, other, _SIGHT, None)
         self._deep[name] = places, found
         return found
 

@@ -11,6 +11,8 @@ from ..innermodel import axes
 from ..innermodel.axes import Array
 from .build import Frame
 
+_BODY = mujoco.mjtObj.mjOBJ_XBODY
+
 
 class Truth(NamedTuple):
     """Where a node is and how it moves, in the axes of the root: x to the right, y up, z ahead."""
@@ -23,6 +25,8 @@ class Truth(NamedTuple):
     """Shape (3,), m/s."""
     turning: Array
     """Angular velocity, shape (3,), rad/s; a turn to the right is positive about y."""
+    rotation: Array
+    """From the node to the root, shape (3, 3)."""
 
 
 def update_speeds(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -36,20 +40,27 @@ def speed_of(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> tuple[
 
     The speeds of all bodies in `data` have to be those of now.
     """
+    return _speed(model, data, frame.body, data.xmat[frame.body].reshape(3, 3) @ frame.position)
+
+
+def _speed(model: mujoco.MjModel, data: mujoco.MjData, body: int, away: Array) -> tuple[Array, Array]:
+    """Those of a point that is `away` from the origin of a body, m."""
     found = np.empty(6)
-    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, frame.body, found, 0)
-    turning, velocity = found[:3], found[3:]
-    away = data.xmat[frame.body].reshape(3, 3) @ frame.position
-    return velocity + axes.cross(turning, away), turning
+    mujoco.mj_objectVelocity(model, data, _BODY, body, found, 0)
+    turning = found[:3]
+    return found[3:] + axes.cross(turning, away), turning
 
 
 def truth(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> Truth:
     """The poses and speeds of all bodies in `data` have to be those of now."""
-    velocity, turning = speed_of(model, data, frame)
     turn = data.xmat[frame.body].reshape(3, 3)
+    away = turn @ frame.position
+    velocity, turning = _speed(model, data, frame.body, away)
+    rotation = axes.rotation_from_simulation(turn @ frame.rotation)
     return Truth(
-        (data.xpos[frame.body] + turn @ frame.position) @ axes.TO_SIMULATION,
-        axes.angles(axes.rotation_from_simulation(turn @ frame.rotation)),
+        (data.xpos[frame.body] + away) @ axes.TO_SIMULATION,
+        axes.angles(rotation),
         velocity @ axes.TO_SIMULATION,
         axes.turn_from_simulation(turning),
+        rotation,
     )

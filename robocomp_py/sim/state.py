@@ -7,7 +7,7 @@ import hashlib
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import mujoco
 import numpy as np
@@ -50,6 +50,17 @@ class Saved:
     """The state of a world at a moment; see `State.save`."""
 
     world: State
+
+
+class Room(NamedTuple):
+    """How far a base is from all that stops it."""
+
+    at: bytes
+    """The vector of positions there."""
+    left: float
+    """No shape of it is nearer to one of those, m."""
+    reach: float
+    """From its origin to the farthest point of its shapes, m."""
 
 
 class State:
@@ -124,6 +135,8 @@ class State:
         self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
         self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
         """By base: the vector of positions when `_depths` were computed last, and what they were."""
+        self._rooms: dict[str, Room] = {}
+        """By base: how far it may go without a look at what might stop it."""
         self._touches = {name: Touch(tree, name, self._scene) for name in self._touching}
         if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER

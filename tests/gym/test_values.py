@@ -106,6 +106,13 @@ def test_numbers_beyond_the_bounds_become_those_and_nan_is_refused(network: Mapp
     assert observation(network, POSE, "x", Range(-10.5, 10.5)).of((50, 2, 3.0)).tolist() == [10]
 
 
+def test_a_value_of_a_dictionary_is_observed(network: Mapping[str, Provided]) -> None:
+    name = "joints/JointMotor/getAllMotorState"
+    position = Observation("pan", network[name].operation.outputs, "mstateMap.pan.pos", Range(-1.0, 1.0))
+    kind: Any = network[name].operation.outputs[0].type
+    assert position.of(({"pan": kind.value.python(pos=0.5)},)).tolist() == [0.5]
+
+
 def test_all_numbers_of_a_struct_are_observed_by_a_star(network: Mapping[str, Provided]) -> None:
     name = "house/InnerModelManager/getPoseFromParent"
     pose = Observation("pose", network[name].operation.outputs, "pose.*", Range(-100.0, 100.0))

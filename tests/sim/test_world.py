@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import re
 import subprocess
 import sys
@@ -205,6 +206,58 @@ def test_a_base_stops_before_what_stops_it(room: World) -> None:
     room.drive("base", ahead=-400)
     room.step(100)
     assert room.odometry("base").x == pytest.approx(where.x - 200)
+
+
+POSTS = """\
+<innerModel>
+  <transform id="world">
+    <transform id="posts">{posts}</transform>
+    <differentialrobot id="base" collide="1">
+      <plane id="body" size="300,300,300" py="200" collide="1"/>
+      <joint id="pan" ty="200" axis="y"><plane id="boom" size="60,60,1500" pz="600" collide="1"/></joint>
+    </differentialrobot>
+  </transform>
+</innerModel>
+"""
+
+
+@pytest.mark.parametrize("boom", ["60,60,1500", "60,60,60"])
+def test_no_shape_of_a_base_ever_enters_what_stops_it(boom: str, tmp_path: Path) -> None:
+    """However it drives and turns, and wherever it was put in between."""
+    places = [(x, z) for x in range(-4200, 4300, 1400) for z in range(-4200, 4300, 1400) if x or z]
+    posts = "".join(
+        f'<plane id="p{x}_{z}" px="{x}" pz="{z}" py="200" size="90,900,90" collide="1"/>' for x, z in places
+    )
+    text = POSTS.format(posts=posts).replace("60,60,1500", boom)
+    room, chosen, stops = world(tmp_path, text), random.Random(2), 0
+    saved = [room.save()]
+    for _ in range(400):
+        room.drive("base", chosen.choice((300.0, 900.0, -900.0)), 0.0, chosen.choice((0.0, 1.0, 9.0, -9.0)))
+        room.step(chosen.choice((1, 7, 40)))
+        before = room.odometry("base")
+        room.step(2)
+        stops += room.odometry("base") == before
+        assert not room.collide("base", "posts")
+        if chosen.random() < 0.1:
+            saved.append(room.save())
+        if chosen.random() < 0.1:
+            room.restore(chosen.choice(saved))
+        if chosen.random() < 0.05:
+            room.reset()
+    assert stops
+
+
+def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
+    post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
+    room = world(tmp_path, POSTS.format(posts=post))
+    room.move_joint("pan", math.pi / 2)
+    room.drive("base", ahead=100.0)
+    room.step(20)
+    assert room.odometry("base").z == pytest.approx(10.0)
+    room.move_joint("pan", 0.0)
+    room.drive("base", ahead=600.0)
+    room.step(200)
+    assert 1700 - 45 - 1350 - 3.1 <= room.odometry("base").z <= 1700 - 45 - 1350
 
 
 def test_it_goes_through_what_does_not_stop_it(room: World) -> None:

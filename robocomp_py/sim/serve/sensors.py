@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 _XYZ = ("X", "Y", "Z")
 
+_PLACE, _SPEED = ("x", "y", "z", "rx", "ry", "rz"), ("vx", "vy", "vz", "vrx", "vry", "vrz")
+"""Fields of a FullPoseEuler."""
+
 
 def measured(world: World, imu: str, kind: Type) -> Any:
     """A DataImu: m/s², rad/s and rad."""
@@ -34,21 +37,25 @@ def _imu(world: World, imu: str) -> dict[str, dict[str, float]]:
 
 def posed(world: World, node: str, kind: Type) -> Any:
     """A FullPoseEuler: m, rad, m/s and rad/s."""
-    found, turn = world.truth(node), world.matrix(node)[:3, :3]
-    side, _, ahead = (turn.T @ found.velocity).tolist()
+    position, angles, velocity, turning, rotation = world.truth(node)
+    own = rotation.T
+    side, _, ahead = (own @ velocity).tolist()
     values: dict[str, Any] = {"source": node, "adv": ahead, "side": side, "confidence": 100}
-    values["rot"] = float((turn.T @ found.turning)[1])
-    for prefix, numbers in (("", found.position), ("r", found.angles), ("v", found.velocity), ("vr", found.turning)):
-        values |= {f"{prefix}{axis}": value for axis, value in zip("xyz", numbers.tolist(), strict=True)}
+    values["rot"] = float((own @ turning)[1])
+    values.update(zip(_PLACE, (*position.tolist(), *angles.tolist()), strict=True))
+    values.update(zip(_SPEED, (*velocity.tolist(), *turning.tolist()), strict=True))
     return filled(kind, values)
 
 
 class _SensorHandler(InstanceHandler):
     def __init__(self, world: World, node: str, interface: Interface) -> None:
         self._world, self._node, self._interface = world, node, interface
+        self._kinds: dict[str, Type] = {}
 
     def _returned(self, name: str) -> Type:
-        return operation(self._interface, name).outputs[0].type
+        if name not in self._kinds:
+            self._kinds[name] = operation(self._interface, name).outputs[0].type
+        return self._kinds[name]
 
 
 class IMUHandler(_SensorHandler):
