@@ -15,7 +15,7 @@ from ..contract.interface import Pattern
 from ..errors import ConfigurationError, EncodeError
 from ..spelling import unknown
 from ..testing.simulation import network_parts
-from ..virtual.outside import Provided, found, provided
+from ..virtual.outside import Provided, goals, provided
 from ..virtual.simulation import Simulation
 from ..wire.explain import explain
 from .driving import MOST_SEED, Driver, driver
@@ -75,7 +75,7 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         `include` and `settings` are those of `robocomp_py.testing.simulation.Simulation`.
 
         The network is started once, to learn the lengths of its sequences. Raises DeploymentError for a network that
-        cannot be simulated, KeyError for an unknown operation, ValueError for what does not fit one, and
+        cannot be simulated, KeyError for an unknown operation, ValueError for an action or what does not fit, and
         ComponentError if the network does not start.
         """
         for what, given in (("actions", actions), ("observations", observations)):
@@ -84,7 +84,7 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         if not 0.0 < seconds <= 1000.0:
             raise ValueError(f"a step of {seconds} s: it has to be more than 0, and at most 1000")
         parts = network_parts(network, include=include, settings=settings)
-        self._network = provided(parts)
+        self._network, self._goals = provided(parts), goals(parts)
         self._actions = [self._action(name, arguments) for name, arguments in actions.items()]
         self._observations = [self._observation(name, bounds) for name, bounds in observations.items()]
         if not sum(each.size for each in self._actions):
@@ -117,9 +117,9 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         """Call an operation of the network now, by the names of its inputs, and return its result.
 
         Structs may be given as dictionaries of their fields. Raises KeyError for an unknown operation, TypeError for
-        wrong names of inputs, EncodeError for wrong values, and what the call of a component raises.
+        wrong names of inputs, ValueError for an action, EncodeError for wrong values, and what the call raises.
         """
-        each = found(operation, self._network)
+        each = self._found(operation)
         known = [field.name for field in each.operation.inputs]
         if sorted(known) != sorted(inputs):
             raise TypeError(
@@ -202,7 +202,11 @@ class NetworkEnv(gymnasium.Env[Observed, Chosen]):
         return operation, Observation(name, fields, path, bounds)
 
     def _found(self, name: str) -> Provided:
-        return found(name, self._network)
+        if name in self._goals:
+            raise ValueError(f"{name} is an action, whose goals last for many steps: an environment calls operations")
+        if name not in self._network:
+            raise KeyError(unknown("operation", name, [*self._network, *sorted(self._goals)]))
+        return self._network[name]
 
     def _asked(self, observed: Sequence[str]) -> list[str]:
         return [each for each in observed if self._network[each].pattern is not Pattern.PUBLISH]

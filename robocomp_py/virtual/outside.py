@@ -51,6 +51,15 @@ def provided(network: Iterable[Provider]) -> dict[str, Provided]:
     return {name: each for provider in network for name, each in _of(provider)}
 
 
+def goals(network: Iterable[Provider]) -> set[str]:
+    """The names of all actions of a network, `base/Navigation/goTo`: they are begun, and not called."""
+    return {
+        names.channel(each.settings.namespace, each.settings.instance, port.label, action.name)
+        for each in network
+        for port, action in each.component.actions()
+    }
+
+
 def _of(provider: Provider) -> Iterator[tuple[str, Provided]]:
     settings = provider.settings
     for port in provider.component.ports:

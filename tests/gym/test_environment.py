@@ -17,6 +17,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FlattenObservation
 
+from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.errors import Closed, ComponentError, DeploymentError, EncodeError
 from robocomp_py.gym import NetworkEnv, Range
 
@@ -242,6 +243,40 @@ def test_several_run_in_one_process(networks: Path) -> None:
 def test_what_the_network_has_not_is_told_before_anything_is_learnt(make: Make, how: dict[str, Any], says: str) -> None:
     with pytest.raises((ValueError, KeyError, TypeError), match=says):
         make("scene.ddsl", **how)
+
+
+PILOT = """\
+module RoboCompPilot
+{
+    interface Pilot
+    {
+        [action] int fly(int height) feedback(int left);
+        void hover(int height);
+    };
+};
+"""
+DRONE = """\
+import "Pilot.idsl";
+Component drone { Communications { implements Pilot; }; language python; };
+"""
+
+
+def test_an_action_is_told_to_be_one_and_is_proposed_for_a_misspelt_one(tmp_path: Path) -> None:
+    (tmp_path / "Pilot.idsl").write_text(PILOT)
+    (tmp_path / "drone.cdsl").write_text(DRONE)
+    (tmp_path / "sky.ddsl").write_text('import "drone/drone.cdsl";\nDeployment sky { Component drone { }; };\n')
+    assert rcgen([str(tmp_path / "drone.cdsl"), "-o", str(tmp_path / "drone")]) == 0
+    (tmp_path / "drone.cdsl").rename(tmp_path / "drone" / "drone.cdsl")
+    (tmp_path / "Pilot.idsl").rename(tmp_path / "drone" / "Pilot.idsl")
+
+    def fly(name: str) -> None:
+        how: dict[str, Any] = {"observations": {}, "reward": ahead}
+        NetworkEnv(tmp_path / "sky.ddsl", actions={name: {"height": Range(0, 9)}}, **how)
+
+    with pytest.raises(ValueError, match="drone/Pilot/fly is an action, whose goals last for many steps"):
+        fly("drone/Pilot/fly")
+    with pytest.raises(KeyError, match="did you mean `drone/Pilot/fly`"):
+        fly("drone/Pilot/flyy")
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (2.0, 1.0), (0.0, float("inf")), (float("nan"), 1.0)])
