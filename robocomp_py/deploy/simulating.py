@@ -22,9 +22,9 @@ def parts(plan: Plan) -> list[Part]:
         raise DeploymentError("\n".join(wrong))
     found: list[Part] = []
     for process in plan.processes:
-        for folder, arguments in _components(process):
+        for name, (folder, arguments) in zip(process.instances, _components(process), strict=True):
             try:
-                found.append(_part(folder, arguments))
+                found.append(_part(name, folder, arguments))
             except (ComponentError, ConfigurationError) as exc:
                 wrong.append(f"{process.name}: {exc}")
     if wrong:
@@ -55,9 +55,9 @@ def _components(process: Process) -> Iterator[tuple[Path, Sequence[str]]]:
             yield Path(folder), arguments
 
 
-def _part(folder: Path, arguments: Sequence[str]) -> Part:
+def _part(name: str, folder: Path, arguments: Sequence[str]) -> Part:
     worker_class = load_worker(folder, afresh=True)
     parser = parser_of(worker_class.component)
     parser.add_argument("--after", action="append")  # the order of the plan keeps to that
     settings, _ = prepare(worker_class, parser.parse_args(arguments))
-    return Part(worker_class, settings)
+    return Part(worker_class, settings, name)

@@ -104,7 +104,7 @@ class NetworkDriver:
     def reset(self, seed: int) -> None:
         self._end()
         simulation = Simulation([seeded(each, seed) for each in self._parts], seed)
-        for name in (each.settings.instance for each in self._parts if _is_scene(each)):
+        for name in (each.instance for each in self._parts if _is_scene(each)):
             simulation[name].worker.remote = self._remote(name)
         self._running = simulation, simulation.outside(NAME)
         self._asks, self._heard = {}, {}
@@ -143,7 +143,7 @@ class NetworkDriver:
 
     def settle(self) -> None:
         for part in filter(_is_scene, self._parts):
-            self.simulation.do(self.simulation[part.settings.instance].worker.settle)
+            self.simulation.do(self.simulation[part.instance].worker.settle)
 
     def step(self, inputs: Inputs) -> None:
         self.simulation.do(lambda: [self._asks[name](*values) for name, values in inputs.items()])
@@ -215,7 +215,7 @@ class SceneDriver:
         except BaseException:
             self.close()
             raise
-        self._worker = simulation[self._part.settings.instance].worker
+        self._worker = simulation[self._part.instance].worker
         world = self._worker.world
         self._tree, self._physics = world.tree, world.physics
         self._ticks = round(self._seconds / world.tick)
@@ -286,7 +286,7 @@ def _open(running: T | None) -> T:
 
 def _start(simulation: Simulation, parts: Sequence[Part]) -> None:
     """Run until all components are ready, and have done what is due at that instant."""
-    components = [simulation[each.settings.instance] for each in parts]
+    components = [simulation[each.instance] for each in parts]
     simulation.run(until=lambda: all(each.state is State.COMPUTE for each in components), at_most=STARTUP)
     _check(simulation)
     if late := [each.instance for each in components if each.state is not State.COMPUTE]:

@@ -45,7 +45,7 @@ class Calls:
     ) -> None:
         """`opened` opens the transport of a name that stands in for a middleware."""
         self._simulation, self._opened = simulation, opened
-        self._components = [simulation[each.settings.instance] for each in parts]
+        self._components = [simulation[each.instance] for each in parts]
         self._operations = provided(parts)
         self._actions = {name: each for part in parts for name, each in _actions(part)}
         self._outside = simulation.outside(NAME)

@@ -142,7 +142,7 @@ class VirtualTime:
 
     def start(self) -> None:
         self.running.begin()
-        self._executor.add(Simulated(self.running))
+        self._executor.add(Simulated(self.running, self.running.settings.instance))
 
     def wait(self, condition: Callable[[], object], timeout: float, what: str = "") -> None:
         end = self._executor.now + ns(timeout)

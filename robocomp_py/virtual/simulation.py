@@ -51,6 +51,12 @@ class Part:
 
     worker_class: type[Worker[Any]]
     settings: Settings
+    name: str = ""
+    """In the network, with the systems around it: `left/arm`; "" for that of its settings."""
+
+    @property
+    def instance(self) -> str:
+        return self.name or self.settings.instance
 
     @property
     def component(self) -> Component:
@@ -99,9 +105,11 @@ class Simulation:
             running = Running(
                 part.worker_class, part.settings, air.factory, _tell, clock, TurnThreads(self._executor), seed=seed
             )
-            running.monitor.tallies.on_failure = partial(self._note_failure, part.settings.instance)
+            running.monitor.tallies.on_failure = partial(self._note_failure, part.instance)
             self._running.append(running)
-            self._components[part.settings.instance] = simulated = Simulated(running)
+            if part.instance in self._components:
+                raise ComponentError(f"two components are called {part.instance}")
+            self._components[part.instance] = simulated = Simulated(running, part.instance)
             self._executor.add(simulated)
 
     @property
@@ -246,13 +254,10 @@ class Simulation:
 class Simulated:
     """One component of a simulation. Its events are those of the executor."""
 
-    def __init__(self, running: Running) -> None:
+    def __init__(self, running: Running, instance: str) -> None:
         self._running = running
+        self.instance = instance
         self._has_begun = False
-
-    @property
-    def instance(self) -> str:
-        return self._running.settings.instance
 
     @property
     def worker(self) -> Any:

@@ -181,6 +181,25 @@ def test_a_run_ends_when_an_instance_has_ended(folder: Path, capsys: Said) -> No
     assert simulated(capsys, folder, "--until", "asker", "--for", 60)["seconds"] == 0.4
 
 
+def test_instances_of_one_name_in_several_systems_are_told_apart(folder: Path, capsys: Said) -> None:
+    compute(folder, 'self.hello_proxy.greet("Ada")', "if self.now() >= 400_000_000:", "    self.stop()")
+    systems = (
+        "System left { Component asker { }; }; System right { Component asker { }; Component other : asker { }; };"
+    )
+    (folder / "net.ddsl").write_text(NETWORK.replace("Component asker { };", systems))
+    with Simulation(folder / "net.ddsl") as sim:
+        assert sim.run(0.2)
+        assert [sim[f"{each}/asker"].computes for each in ("left", "right")] == [11, 11]
+        assert not sim.failed
+    trace = folder / "trace.jsonl"
+    assert simulated(capsys, folder, "--until", "right/asker", "--for", 60, "--trace", trace)["seconds"] == 0.4
+    senders = [json.loads(line).get("from") for line in trace.read_text().splitlines()]
+    assert set(senders) == {None, "left/asker", "right/asker", "right/other"}
+    done = simulate(folder / "net.ddsl", "--for", 0)
+    for each in ("left/asker", "right/asker", "right/other", "hello"):
+        assert f"    0.000 {each} INFO: ready\n" in done.stderr
+
+
 def test_a_run_at_a_speed_takes_its_time_and_says_the_same(folder: Path, capsys: Said) -> None:
     paced, quick = (simulated(capsys, folder, "--for", 0.6, "--speed", speed) for speed in (2, "max"))
     assert paced["took"] >= 0.3

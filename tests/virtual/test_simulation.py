@@ -348,6 +348,11 @@ def test_threads_of_components_are_named() -> None:
         assert sim.foreign_threads() == ["camera reader"]
 
 
+def test_two_components_of_one_name_are_refused() -> None:
+    with pytest.raises(ComponentError, match="two components are called calculator"):
+        Simulation([part(Calculator, "calculator"), part(Calculator, "calculator")])
+
+
 def test_an_instance_that_is_not_there_is_named_with_the_most_similar_one() -> None:
     with Simulation([part(Diary)]) as sim, pytest.raises(KeyError, match="diary"):
         sim["dairy"]

@@ -94,7 +94,7 @@ def _simulate(plan: Plan, options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         try:
             made = parts(plan)
-            names = [part.settings.instance for part in made]
+            names = [part.instance for part in made]
             if options.until and options.until not in names:
                 print(
                     f"rcdeploy: --until {options.until}: {unknown('instance', options.until, names)}", file=sys.stderr
@@ -197,8 +197,15 @@ class _InVirtualTime(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         record.virtual = f"{self._sim.time:.3f}"
-        record.speaker = record.name if record.name in self._names else self._sim.acting or record.name
+        record.speaker = self._speaker(record.name)
         return True
+
+    def _speaker(self, logger: str) -> str:
+        """A component in a system logs by its own name, which those of other systems may have, too."""
+        if logger in self._names:
+            return logger
+        meant = [each for each in self._names if each.endswith(f"/{logger}")]
+        return meant[0] if len(meant) == 1 else self._sim.acting or logger
 
 
 def _configure_logging(sim: Simulation, names: list[str]) -> None:
