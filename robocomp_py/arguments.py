@@ -52,14 +52,25 @@ class Parser(argparse.ArgumentParser):
         if found := _MISSING.fullmatch(message):
             may_be_empty = {each.metavar for each in self._actions if each.nargs == "*"}
             missing = [name for name in found[1].split(", ") if name not in may_be_empty]
+            if missing == ["COMMAND"]:
+                known = self._commands()
+                listed = f": {', '.join(known)}" if len(known) <= _MOST_COMMANDS else ""
+                return f"a command is missing{listed}; see: {self.prog} --help"
             return f"{enumerated(missing)} {'is' if len(missing) == 1 else 'are'} missing; see: {self.prog} --help"
         return message.removeprefix("argument ")
+
+    def _commands(self) -> list[str]:
+        found = (each.choices for each in self._actions if each.metavar == "COMMAND")
+        return [name for choices in found for name in choices or ()]
 
     def options(self, *, with_value: bool = False) -> list[str]:
         """Its options, or those that take a value."""
         actions = self._actions  # argparse offers no public way
         return [text for each in actions if not with_value or each.nargs != 0 for text in each.option_strings]
 
+
+_MOST_COMMANDS = 8
+"""More are not listed in a message."""
 
 _NO_VALUE = re.compile(r"argument (\S+): expected (?:one|at least one) argument")
 _EXCLUDED = re.compile(r"argument (\S+): not allowed with argument (\S+)")

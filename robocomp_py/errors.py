@@ -88,6 +88,11 @@ class UnsupportedQoS(TransportError):
 class AlreadyServed(TransportError):
     """There can be one server of a channel, and there is one; the message says whose it is."""
 
+    @classmethod
+    def by(cls, channel: str, server: str) -> AlreadyServed:
+        """The error for a channel that this process serves, as `world (pid 1234)`."""
+        return cls(f"{channel}: already served by {server}; end that one, or give one of the networks a namespace")
+
 
 class Busy(TransportError):
     """The other side has too many calls waiting; it did not execute this one."""

@@ -71,6 +71,7 @@ class SpecificWorker(Simulator, GenericWorker):
         super().finish()
         if self.film:
             path = Path(self.params.film).resolve()
+            self.log.info("draws a film of what happened, which takes some seconds")
             self.film.draw(OVERVIEW, path)
             self.log.info("a film of what happened is in %s", path)
 

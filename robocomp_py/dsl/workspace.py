@@ -280,7 +280,9 @@ class Workspace:
             data = self.read(path)
         except (OSError, ValueError) as exc:
             reason = getattr(exc, "strerror", None) or exc
-            hint = nearby(path, str(path), models=_MODELS) if isinstance(exc, _MISTAKES) else ""
+            hint = nearby(path, str(path), taken=[str(path)], models=_MODELS) if isinstance(exc, _MISTAKES) else ""
+            if isinstance(exc, IsADirectoryError):
+                hint = hint or _in_folder(path)
             self.report.error(
                 "unreadable", f"cannot be read: {reason}", Source(path, "", has_places=False).span(0, 0), hint
             )
@@ -541,6 +543,12 @@ def _machine_parser(path: Path) -> Callable[[Source, Report], SmdslFile | None]:
     from .smdsl.parser import parse
 
     return parse
+
+
+def _in_folder(path: Path) -> str:
+    """For a folder in place of a file: names one of its files."""
+    found = sorted(each for each in path.iterdir() if each.suffix in _MODELS)
+    return f"give a file, as `{found[0]}`" if found else "give a file"
 
 
 def _decoded(path: Path, data: bytes, report: Report) -> Source | None:

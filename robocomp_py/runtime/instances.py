@@ -141,6 +141,11 @@ class NamedInstances(Mapping[str, T]):
         """Whether a name may be added: the network declares it by `offers`, or the component runs without a network."""
         return self._offered is None or name in self._offered
 
+    @property
+    def absent(self) -> list[str]:
+        """The names that the network declares, and that are not there."""
+        return sorted(set(self._offered or ()) - set(self._entries))
+
     def remove(self, name: str) -> None:
         """Stop providing an instance: later calls of it fail like calls of a component that has stopped.
 

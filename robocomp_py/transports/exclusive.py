@@ -66,7 +66,7 @@ def claim(folder: Path, name: str, owner: str) -> Claim:
         who = _signature(folder, name)
         settled = bool(who) and not is_gone(_pid(who))  # else it is just being signed or removed
         if settled or time.monotonic() - begun >= (_REMOVING if who else _SIGNING):
-            raise AlreadyServed(f"{name}: already served by {who or holder(folder, name)}")
+            raise AlreadyServed.by(name, who or holder(folder, name))
         time.sleep(pause)
         pause = min(2 * pause, _LONGEST_PAUSE)
     return claimed

@@ -57,7 +57,7 @@ class ServingLink(DirectoryLink[ServingTransport], ABC):
             other = entry.channel != self.channel.name  # one of the two has `*` for its instance
             # A claim protects a server with the same name, so its entry counts only if it is still there now.
             if directory.alive(member.id) if other else directory.still_has(member.id, entry):
-                raise AlreadyServed(f"{self.channel.name}: already served by {member.owner} (pid {member.pid})")
+                raise AlreadyServed.by(self.channel.name, f"{member.owner} (pid {member.pid})")
         if self.channel.exclusive:
             self._claim = claim(self.transport.served, self.channel.name, self.transport.owner)
 

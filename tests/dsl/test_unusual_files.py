@@ -53,6 +53,13 @@ def test_a_folder_with_the_name_of_a_file_is_unreadable(path: Path) -> None:
     assert codes(path) == ["unreadable"]
 
 
+def test_a_file_of_a_folder_is_named_in_its_place(tmp_path: Path) -> None:
+    (tmp_path / "arm").mkdir()
+    assert [each.hint for each in lint(tmp_path / "arm")] == ["give a file"]
+    (tmp_path / "arm" / "arm.cdsl").touch()
+    assert [each.hint for each in lint(tmp_path / "arm")] == [f"give a file, as `{tmp_path / 'arm' / 'arm.cdsl'}`"]
+
+
 def test_a_link_to_itself_is_unreadable(path: Path) -> None:
     path.symlink_to(path)
     assert codes(path) == ["unreadable"]
@@ -213,7 +220,7 @@ def test_a_very_long_line_of_ancestors_is_refused(tmp_path: Path, kind: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("written", "proposed"), [("yard", "yard.ddsl"), ("pilot", "pilot.cdsl"), ("pilt", "pilot"), ("yrd", ""), (".", "")]
+    ("written", "proposed"), [("yard", "yard.ddsl"), ("pilot", "pilot.cdsl"), ("pilt", "pilot"), ("yrd", "")]
 )
 def test_for_a_name_without_an_ending_a_model_or_a_folder_is_proposed(
     written: str, proposed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

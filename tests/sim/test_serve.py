@@ -337,3 +337,13 @@ def test_a_misspelt_scene_is_told_with_a_similar_one(
     (tmp_path / "room.xml").touch()
     assert rc(["sim", action, str(tmp_path / "roo.xml")]) == 1
     assert f"roo.xml: there is no such file; did you mean `{tmp_path / 'room.xml'}`?" in capsys.readouterr().err
+
+
+def test_a_misspelt_offer_names_the_device_that_may_be_meant(plain: Path, caplog: pytest.LogCaptureFixture) -> None:
+    declared = {"offers.frnt.Laser.middleware": "zeromq", "offers.still.Laser.middleware": "zeromq"}
+    with ComponentTest(
+        load_component(plain), {"params.scene": str(plain.parent / "room.xml")} | declared, virtual=True
+    ):
+        pass
+    told = [each.getMessage() for each in caplog.records if "offers frnt" in each.getMessage()]
+    assert told[0] == "the network declares `offers frnt : Laser`: unknown Laser `frnt`; did you mean `front`?"

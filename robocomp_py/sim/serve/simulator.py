@@ -23,6 +23,7 @@ from ...innermodel.tree import Tree
 from ...runtime.clock import Real
 from ...runtime.instances import InstanceHandler, NamedHandlers, NamedProxies
 from ...runtime.ports import has_subscribers
+from ...spelling import unknown
 from ..parameters import PARAMETERS
 from .bases import DifferentialRobotHandler, OmniRobotHandler, state
 from .control import Controlled, Progress
@@ -133,6 +134,9 @@ class Simulator(Controlled, Managed):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
                     self._publish(port, name, instances.add(name))
+            for name in instances.absent:
+                short = port.interface.short
+                log.warning("the network declares `offers %s : %s`: %s", name, short, unknown(short, name, names))
             if port.interface.short == "JointMotor" and isinstance(instances, NamedHandlers):
                 for name, handler in instances.items():
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}

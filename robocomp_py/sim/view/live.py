@@ -45,7 +45,7 @@ def chosen(network: Network, wanted: str = "") -> str:
         return wanted or found[0]
     if found:
         raise NotThere(f"several components simulate a scene; choose one by --component: {', '.join(found)}")
-    raise NotThere("no component that runs simulates a scene; `rc sim new` writes one")
+    raise NotThere("no component that is ready simulates a scene; `rc sim new` writes one")
 
 
 class LiveShow(Show):

@@ -102,7 +102,7 @@ class ServerLink(Link):
         while others := self.bus.endpoints.find(self.role, channel.name):  # on another host, or of another user
             dead = self.transport.local and all(is_gone(each.pid) for each in others)
             if monotonic() >= end + (_LEAVING_DEAD if dead else 0.0):
-                raise AlreadyServed(f"{channel.name}: already served by {others[0].owner} (pid {others[0].pid})")
+                raise AlreadyServed.by(channel.name, f"{others[0].owner} (pid {others[0].pid})")
             self.closed.wait(0.005)
         if channel.lazy:
             self.transport.announcing.add(self.id, self.said())
