@@ -10,11 +10,14 @@ import pytest
 import zenoh
 
 from robocomp_py.testing.patience import wait_until
-from robocomp_py.transports.zenoh.neighbours import LOOKS, QUESTION, Neighbours
+from robocomp_py.transports.zenoh.neighbours import QUESTION, TRIES, Neighbours
 from robocomp_py.transports.zenoh.session import open_router
 
 _SOON = 0.05
 """Seconds between two questions."""
+
+_ON_AND_ON = 10**6
+"""Questions: routes may take longer than a few."""
 
 
 class _Counting(Neighbours):
@@ -71,7 +74,7 @@ def neighbours(endpoint: str, everything: contextlib.ExitStack) -> _Counting:
     """Those of a first router, which listens at the endpoint."""
     session = open_router(endpoint)
     everything.callback(session.close)
-    return everything.enter_context(_Counting(session, _SOON))
+    return everything.enter_context(_Counting(session, _SOON, _ON_AND_ON))
 
 
 def test_a_router_that_answers_no_longer_is_connected_again(
@@ -81,7 +84,6 @@ def test_a_router_that_answers_no_longer_is_connected_again(
     answering = other.answer()
     wait_until(lambda: len(neighbours.answered) == 1)
     answering.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub lacks it
-    Other(endpoint, everything)  # a change, after which all are asked
     wait_until(lambda: other.lost >= 1 and other.is_connected)
     assert "does not answer; connecting again" in caplog.text
 
@@ -92,7 +94,7 @@ def test_a_router_that_answers_stays_connected(
     other = Other(endpoint, everything)
     other.answer()
     wait_until(lambda: len(neighbours.answered) == 1)
-    wait_until(lambda: neighbours.asked >= LOOKS)
+    wait_until(lambda: neighbours.asked > 2 * TRIES)
     assert other.lost == 0
 
 
@@ -100,7 +102,7 @@ def test_a_router_that_has_never_answered_stays_connected(
     neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack
 ) -> None:
     other = Other(endpoint, everything)
-    wait_until(lambda: neighbours.asked >= LOOKS)
+    wait_until(lambda: neighbours.asked > 2 * TRIES)
     assert other.lost == 0
 
 
@@ -109,5 +111,5 @@ def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack
     sessions = [open_router(first), open_router(second, {"connect/endpoints": [first]})]
     for session in sessions:
         everything.callback(session.close)
-    both = [everything.enter_context(_Counting(session, _SOON)) for session in sessions]
+    both = [everything.enter_context(_Counting(session, _SOON, _ON_AND_ON)) for session in sessions]
     wait_until(lambda: all(len(each.answered) == 1 for each in both))

@@ -43,9 +43,9 @@ QUESTION = "rc_router"
 class Neighbours(Closing):
     """Watches the connections of a router to other routers, with a thread of its own."""
 
-    def __init__(self, session: zenoh.Session, pause: float = PAUSE) -> None:
+    def __init__(self, session: zenoh.Session, pause: float = PAUSE, looks: int = LOOKS) -> None:
         """Raises ZError and TransportError."""
-        self._session, self._pause = session, pause
+        self._session, self._pause, self._looks = session, pause, looks
         self._changed, self._stopped = threading.Event(), threading.Event()
         self._changed.set()  # some may be connected already
         self.answered: set[str] = set()
@@ -78,7 +78,7 @@ class Neighbours(Closing):
     def _ask_all(self) -> None:
         """Ask each neighbour for a while, until a connection changes."""
         silent: Counter[str] = Counter()
-        for _ in range(LOOKS):
+        for _ in range(self._looks):
             if self._stopped.wait(self._pause) or self._changed.is_set():
                 return
             for router in map(str, self._session.info.routers_zid()):
