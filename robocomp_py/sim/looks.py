@@ -64,6 +64,8 @@ class Looks:
         spec.stat.extent = 1.0  # distances below are in m then
         spec.visual.map.znear, spec.visual.map.zfar = NEAREST, FARTHEST
         spec.visual.quality.offsamples = 0  # a sample is not at the centre of its pixel: depths would differ
+        # A face of a box in one piece: lights that are far away, without highlights, colour it evenly.
+        spec.visual.quality.numquads = 1
         light = spec.visual.headlight
         light.ambient, light.diffuse, light.specular = [0.5] * 3, [0.3] * 3, [0.0] * 3
         spec.worldbody.add_light(
