@@ -108,7 +108,11 @@ _WITHOUT_EFFECT = tuple(_number(f"{end}{axis}", "without effect") for end in "lh
 _SURFACE = (
     _text("texture", "a file with a picture, or a colour as `#rrggbb`"),
     _count("repeat", "without effect: every side has the whole picture", 1000),
-    _numbers("size", "width, height and depth of the box, mm", (2500.0,)),
+    _numbers(
+        "size",
+        "width, height and depth of the box (of one or two numbers, its depth is a hundredth of the smaller), mm",
+        (2500.0,),
+    ),
     *(_number(f"n{axis}", f"the part {axis} of its normal") for axis in "xyz"),
     *(_number(f"p{axis}", f"the part {axis} of its centre, mm") for axis in "xyz"),
 )
@@ -209,6 +213,11 @@ _ALL = (
     ),
     Tag(INCLUDE, "the nodes of another file", _attributes(_text("path", "the file, relative to this one"))),
 )
+
+DEVICES = frozenset(
+    ("laser", "differentialrobot", "omnirobot", "imu", "touchsensor", "rgbd", "camera", "display"),
+)
+"""Tags of nodes that a simulation provides under their ids."""
 
 TAGS: Mapping[str, Tag] = MappingProxyType({each.name: each for each in _ALL})
 """All tags by their names in lower case."""

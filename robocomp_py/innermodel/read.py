@@ -17,6 +17,7 @@ from xml.parsers import expat
 from ..errors import RobocompError
 from ..spelling import closest
 from .nodes import CHOICES, INCLUDE, MOST_DEPTH, ROOT, TAGS, Attribute, Kind, Tag
+from .numbers import is_number, remedy
 
 MOST_BYTES = 4 * 1024 * 1024
 """Octets of a file; the largest known one has 60,000."""
@@ -513,7 +514,7 @@ class _Values:
         return attribute.default
 
     def _number(self, attribute: Attribute, text: str, name: str) -> float | int:
-        value = self._float(text, name)
+        value = self._float(attribute, text, name)
         if math.isnan(value) or (math.isinf(value) and name not in ("min", "max")):
             self._error("wrong-value", f"`{name}` is `{text}`, which is no finite number", name)
             return 0
@@ -528,17 +529,23 @@ class _Values:
             return 0
         return int(value)
 
-    def _float(self, text: str, name: str) -> float:
-        try:
-            if not text.isascii() or "_" in text:
-                raise ValueError
+    def _float(self, attribute: Attribute, text: str, name: str) -> float:
+        if is_number(text):
             return float(text)
-        except ValueError:
-            self._warning("read-otherwise", f"`{name}` is `{text}`, which is no number; it counts as 0", name)
-            return 0.0
+        lacks = "neither 0 nor 1" if attribute.kind is Kind.FLAG else "no number"
+        found = f"`{text}`, which is {lacks}" if text else "empty"
+        message = f"`{name}` is {found}; it counts as 0"
+        self._warning("read-otherwise", message, name, remedy(attribute, text))
+        return 0.0
 
     def _numbers(self, attribute: Attribute, text: str, name: str) -> tuple[float, ...]:
-        parts = [self._float(each.strip(), name) for each in text.split(",")]
+        texts = [each.strip() for each in text.split(",")]
+        parts = [float(each) if is_number(each) else 0.0 for each in texts]
+        if wrong := [f"`{each}`" for each in texts if not is_number(each)]:
+            are = "no number; it counts" if len(wrong) == 1 else "no numbers; they count"
+            has = "is" if len(texts) == 1 else "has"
+            message = f"`{name}` {has} {', '.join(wrong)}, which {'is' if len(wrong) == 1 else 'are'} {are} as 0"
+            self._warning("read-otherwise", message, name, remedy(attribute, text))
         if not all(map(math.isfinite, parts)):
             self._error("wrong-value", f"`{name}` is `{text}`, which has a number that is not finite", name)
             return (1.0,)
@@ -556,8 +563,8 @@ class _Values:
     def _error(self, code: str, message: str, name: str) -> None:
         self._reader.error(code, message, self._place(name))
 
-    def _warning(self, code: str, message: str, name: str = "") -> None:
-        self._reader.warning(code, message, self._place(name) if name else self._element.place)
+    def _warning(self, code: str, message: str, name: str = "", hint: str = "") -> None:
+        self._reader.warning(code, message, self._place(name) if name else self._element.place, hint)
 
     def _place_of_name(self, name: str) -> Place:
         span, document, octets = self._element.spans.get(name), self._element.document, name.encode()

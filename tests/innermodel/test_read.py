@@ -56,6 +56,40 @@ def test_missing_values_have_defaults(tmp_path: Path) -> None:
     assert joint.written == {"id": "elbow", "rx": 0.5}
 
 
+@pytest.mark.parametrize(
+    ("tag", "written", "hint"),
+    [
+        ("plane", 'size="300 200 400"', "did you mean `300,200,400`?"),
+        ("plane", 'size="300; 200"', "did you mean `300,200`?"),
+        ("plane", 'size="300,2OO,4 cm"', "did you mean `300,200,40`?"),
+        ("plane", 'size="0,5 0,3"', "write numbers with commas between them"),
+        ("plane", 'collide="Yes"', "did you mean `1`?"),
+        ("plane", 'collide="off"', "did you mean `0`?"),
+        ("plane", 'collide="maybe"', "write 0 or 1"),
+        ("transform", 'ty="20O"', "did you mean `200`?"),
+        ("transform", 'ty="0,5"', "did you mean `0.5`?"),
+        ("transform", 'ty="1_000"', "did you mean `1000`?"),
+        ("transform", 'ty="1.5m"', "did you mean `1500`?"),
+        ("transform", 'ty="90°"', "write a number"),
+        ("transform", 'ry="-90 deg"', "did you mean `-1.570796`?"),
+        ("transform", 'ry="\N{MINUS SIGN}0.5"', "did you mean `-0.5`?"),
+        ("transform", 'mass="250g"', "did you mean `0.25`?"),
+        ("transform", 'mass="o"', "write a number"),
+        ("transform", 'mass=""', "write a number"),
+        ("imu", 'port="1OO00"', "did you mean `10000`?"),
+    ],
+)
+def test_a_text_that_counts_as_0_has_a_remedy(tmp_path: Path, tag: str, written: str, hint: str) -> None:
+    (problem,) = model(tmp_path, f'<{tag} id="a" {written}/>').problems
+    assert (problem.code, problem.hint, problem.is_error) == ("read-otherwise", hint, False)
+
+
+def test_values_that_cannot_be_meant_are_read_as_robocomp_reads_them(tmp_path: Path) -> None:
+    text = '<joint id="a" min="2" max="1"/><plane id="b" texture="#12" size="0,0,0"/><mesh id="c"/>'
+    laser = '<laser id="d/e" measures="9" min="5" max="4" angle="180"/>'
+    assert model(tmp_path, text + laser).problems == ()
+
+
 def test_nodes_of_included_files_stand_where_they_are_included(tmp_path: Path) -> None:
     written(tmp_path, '<innerModel><mesh id="cup" file="cup.obj"/></innerModel>', "cup.xml")
     found = model(tmp_path, '<transform id="table"><include path="cup.xml"/><imu id="imu"/></transform>')

@@ -163,6 +163,7 @@ NOT_FIXABLE = {
     # `rc lint` finds it in InnerModel files, which the language server does not open.
     "cyclic-include",
     "foreign-root",
+    "in-degrees",
     "missing-id",
     "missing-include",
     "missing-mesh",
@@ -171,8 +172,10 @@ NOT_FIXABLE = {
     "read-otherwise",
     "repeated-id",
     "unknown-attribute",
+    "unfit-id",
     "unknown-tag",
     "without-effect",
+    "wrong-colour",
     "wrong-value",
     # What is to be changed is Python code, which is not edited from here.
     "missing-handler",

@@ -15,6 +15,8 @@ import pytest
 
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcgen import main as rcgen
+from robocomp_py.innermodel.nodes import DEVICES
+from robocomp_py.sim.serve.offers import INTERFACES
 from robocomp_py.testing.components import ComponentTest, load_component
 
 SCENE = """\
@@ -347,3 +349,7 @@ def test_a_misspelt_offer_names_the_device_that_may_be_meant(plain: Path, caplog
         pass
     told = [each.getMessage() for each in caplog.records if "offers frnt" in each.getMessage()]
     assert told[0] == "the network declares `offers frnt : Laser`: unknown Laser `frnt`; did you mean `front`?"
+
+
+def test_tags_whose_ids_are_checked_are_those_of_devices() -> None:
+    assert set(INTERFACES) == DEVICES

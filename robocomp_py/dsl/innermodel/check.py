@@ -7,10 +7,11 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...innermodel.read import Document, Element, Place, Problem, ReadFile, found_file, read
+from ...innermodel.read import Document, Element, Place, Problem, ReadFile, every, found_file, read
 from ..diagnostics import Diagnostic, Report, Severity
 from ..nearby import nearby
 from ..source import Source, Span
+from .nonsense import is_colour, nonsense
 
 ENDING = ".xml"
 
@@ -50,11 +51,23 @@ def check(path: Path, reading: ReadFile, report: Report) -> None:
     model = read(path, reading=reading)
     sources = {each.path: _Places(each) for each in model.documents}
     report.extend(_diagnostic(each, sources) for each in model.problems)
+
+    def at(element: Element, attribute: str) -> Span:
+        document, span = element.document, element.spans.get(attribute)
+        return sources[document.path].span(document.place(*span) if span else element.place)
+
+    read_otherwise = {(each.place.path, each.place.start) for each in model.problems}
+    for element in every(model.elements):
+        for problem in nonsense(element):
+            span = at(element, problem.attribute)
+            if (element.document.path, element.spans.get(problem.attribute, (-1, -1))[0]) not in read_otherwise:
+                report.extend([Diagnostic(problem.code, problem.message, span, problem.severity, problem.hint)])
     for element, attribute in _lost_files(model.elements):
         written, document = element.written[attribute], element.document
-        span = sources[document.path].span(document.place(*element.spans[attribute]))
+        span = at(element, attribute)
         hint, message = nearby(document.path.parent / str(written), str(written)), f"there is no file `{written}`"
         if attribute == "texture":
+            hint = hint or (f"did you mean `#{written}`?" if is_colour(f"#{written}") else "")
             report.warning("missing-texture", f"{message}; the plane is grey", span, hint)
         else:
             report.warning("missing-mesh", f"{message}; a component that simulates the scene needs it", span, hint)

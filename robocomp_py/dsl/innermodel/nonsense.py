@@ -1,0 +1,96 @@
+"""Values that can be read, but cannot be meant. The reader takes them, as RoboComp does; here they are reported."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ...innermodel.nodes import DEVICES
+from ...innermodel.numbers import written
+from ...innermodel.read import Element, found_file, number_of, numbers_of
+from ...wire.names import is_segment
+from ..diagnostics import Severity
+
+_ROTATIONS = frozenset(("rx", "ry", "rz", "angle"))
+_WHOLE_TURN = 6.3
+"""rad; a little more than 2 π, which many files round up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nonsense:
+    """What is wrong with an attribute, or with the whole element, if it does not have that attribute."""
+
+    code: str
+    attribute: str
+    message: str
+    hint: str = ""
+    severity: Severity = Severity.WARNING
+
+
+def nonsense(element: Element) -> Iterator[Nonsense]:
+    """What cannot be meant in an element, its children not included."""
+    for check in (_limits, _turns, _size, _colour, _file, _id):
+        yield from check(element)
+
+
+def is_colour(text: str) -> bool:
+    """Whether a texture is a colour, `#rrggbb`."""
+    return bool(re.fullmatch("#[0-9A-Fa-f]{6}", text))
+
+
+def _limits(element: Element) -> Iterator[Nonsense]:
+    if not {"min", "max"} <= element.written.keys():
+        return
+    low, high = number_of(element.written["min"]), number_of(element.written["max"])
+    if element.tag.name == "laser":
+        is_wrong, relation = 0.0 < high <= low, "not less"  # the reader reports that it has no `max`
+    else:
+        is_wrong, relation = high < low, "more"
+    if is_wrong:
+        text = f"`min` is {low:g}, {relation} than `max`, which is {high:g}"
+        yield Nonsense("wrong-value", "min", text, "the smaller one is `min`", Severity.ERROR)
+
+
+def _turns(element: Element) -> Iterator[Nonsense]:
+    for name in _ROTATIONS & element.written.keys():
+        value = number_of(element.written[name])
+        if abs(value) > _WHOLE_TURN:
+            meant = written(math.radians(value))
+            text = f"`{name}` is in rad, and {value:g} is more than a whole turn"
+            yield Nonsense("in-degrees", name, text, f"did you mean `{meant}`?")
+
+
+def _size(element: Element) -> Iterator[Nonsense]:
+    if "size" not in element.written:
+        return
+    numbers = numbers_of(element.written["size"])
+    if numbers.count(0.0) >= max(1, len(numbers) - 1):
+        text = f"nothing of the {element.tag.name} is seen: of its width, height and depth, at most one may be 0"
+        yield Nonsense("without-effect", "size", text)
+
+
+def _colour(element: Element) -> Iterator[Nonsense]:
+    text = str(element.written.get("texture", ""))
+    if not text.startswith("#") or is_colour(text) or found_file(text, element.document.path.parent, {}):
+        return
+    is_short = re.fullmatch("#[0-9A-Fa-f]{3}", text)
+    meant = "#" + "".join(2 * each for each in text[1:])
+    hint = f"did you mean `{meant}`?" if is_short else "write six digits of 0 to 9 and a to f, such as `#3366cc`"
+    yield Nonsense("wrong-colour", "texture", f"`{text}` is no colour; the {element.tag.name} is grey", hint)
+
+
+def _file(element: Element) -> Iterator[Nonsense]:
+    if element.tag.name == "mesh" and not str(element.values["file"]).strip():
+        text = "<mesh> has no `file`; a component that simulates the scene needs it"
+        yield Nonsense("missing-mesh", "file", text)
+
+
+def _id(element: Element) -> Iterator[Nonsense]:
+    is_provided = element.values.get("measures") != 0 and element.values.get("width") != 0
+    if element.tag.name in DEVICES and is_provided and element.id.strip() and not is_segment(element.id):
+        meant = re.sub("[^A-Za-z0-9_-]", "_", element.id)
+        meant = meant if is_segment(meant) else f"_{meant}"
+        text = f"`{element.id}` cannot be the name of an instance, as a component that simulates the scene needs it"
+        yield Nonsense("unfit-id", "id", text, f"did you mean `{meant}`?")
