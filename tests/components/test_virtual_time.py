@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
+from robocomp_py.testing.patience import SOON
 from robocomp_py.testing.simulation import Simulation
 
 from . import story
@@ -38,3 +44,21 @@ def test_the_mission_succeeds_and_repeats(tmp_path: Path, caplog: pytest.LogCapt
     story.check(caplog.text)
     assert (tmp_path / "story.svg").read_text().startswith("<svg")
     assert early(tmp_path, 1) == first != early(tmp_path, 2)
+
+
+def hash_in_process(seed: int, hash_seed: int) -> str:
+    """The hash of the first seconds, in a process of its own with other hashes of texts."""
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "simulate", str(COMPONENTS / "rescue.ddsl"), "--json"]
+    command += ["--for", "3", "--seed", str(seed), "--set", f"world.params.seed={seed}"]
+    environment = os.environ | {"PYTHONHASHSEED": str(hash_seed)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=12 * SOON)
+    found: str = json.loads(done.stdout.splitlines()[-1])["hash"]
+    return found
+
+
+@pytest.mark.tool  # takes a minute
+def test_twenty_seeds_give_twenty_hashes_each_the_same_in_two_processes() -> None:
+    with ThreadPoolExecutor(2) as processes:
+        first, second = (list(processes.map(hash_in_process, range(20), [told] * 20)) for told in (1, 2))
+    assert first == second
+    assert len(set(first)) == 20
