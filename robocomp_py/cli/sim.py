@@ -121,9 +121,12 @@ def run(options: argparse.Namespace) -> int:
     code = _new(options, found, [{"id": name, "fans": FANS, "field": FIELD} for name in dict.fromkeys(options.lidar)])
     if missing and code == FINE:
         print(f"not provided yet: {missing}")
-    lost = [str(tree.node(name).values["file"]) for name, tag in tree.tags.items() if _is_lost(tree, name, tag)]
+    lost = [tree.node(name) for name, tag in tree.tags.items() if _is_lost(tree, name, tag)]
     if lost and code == FINE:
-        print(f"no such file: {', '.join(dict.fromkeys(lost))}; the parameter `without_meshes` leaves such meshes out")
+        files = dict.fromkeys(str(node.values["file"]) or f"(none) of `{node.id}`" for node in lost)
+        print(
+            f"no such file: {', '.join(files)}; `without_meshes = true` in its etc/config.toml leaves such meshes out"
+        )
     return code
 
 

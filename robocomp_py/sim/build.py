@@ -141,6 +141,16 @@ class Scene:
         return str(self.model.body(body).name.removeprefix(_PREFIX))
 
 
+class MissingMeshError(InnerModelError):
+    """A mesh has no file. `lack` says so without the remedy, which depends on who builds the scene."""
+
+    def __init__(self, node: Node) -> None:
+        file = node.values["file"]
+        self.lack = f"`{node.id}`: " + (f"there is no file `{file}`" if file else "the mesh has no `file`")
+        text = f"{self.lack}; mend the path, or leave such meshes out by `without_meshes=True`"
+        super().__init__(text, node=node.id)
+
+
 @dataclass(slots=True)
 class Building:
     """A scene that is being made."""
@@ -314,11 +324,7 @@ def _add_mesh(building: Building, node: Node, body: mujoco.MjsBody, within: Arra
     if path is None:
         if building.without_meshes:
             return
-        raise InnerModelError(
-            f"`{node.id}`: there is no file `{node.values['file']}`; mend the path, or leave such meshes out by "
-            "`without_meshes`",
-            node=node.id,
-        )
+        raise MissingMeshError(node)
     position, turn = _in_simulation(within)
     if building.looks:
         building.looks.add_mesh(body, path, scale, {"pos": position, "quat": _quaternion(turn)})

@@ -266,10 +266,13 @@ def test_meshes_without_a_file_are_told_when_a_component_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "room.xml"
-    path.write_text(SCENE.replace('<laser id="off"/>', '<mesh id="cup" file="cup.obj"/>'))
+    path.write_text(SCENE.replace('<laser id="off"/>', '<mesh id="cup" file="cup.obj"/><mesh id="dish"/>'))
     assert rc(["sim", "new", str(path), "-o", str(tmp_path / "house")]) == 0
     said = capsys.readouterr().out
-    assert "no such file: cup.obj; the parameter `without_meshes` leaves such meshes out\n" in said
+    told = (
+        "no such file: cup.obj, (none) of `dish`; `without_meshes = true` in its etc/config.toml leaves such meshes out"
+    )
+    assert f"{told}\n" in said
 
 
 @pytest.mark.parametrize(
@@ -294,6 +297,25 @@ def test_a_component_tells_what_is_wrong_with_its_scene(
     [record] = [each for each in caplog.records if each.levelname == "ERROR"]
     assert told in record.message
     assert "Traceback" not in caplog.text
+
+
+def test_a_component_names_the_settings_that_leave_out_missing_meshes_and_has_them(
+    plain: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    scene = tmp_path / "room.xml"
+    scene.write_text(SCENE.replace("<laser", "<mesh id='cup'/><laser", 1))
+    with ComponentTest(load_component(plain), {"params.scene": str(scene)}, virtual=True) as house:
+        pass
+    [told] = [each.message for each in caplog.records if each.levelname == "ERROR"]
+    assert "`cup`: the mesh has no `file`; mend the path, or leave such meshes out: " in told
+    assert "`without_meshes = true` below `[params]`" in told
+    assert f"in a network `--set {house.worker.instance}.params.without_meshes=true`" in told
+    [assignment] = re.findall(r"`--set (params\.\S+)`", told)
+    key, _, value = assignment.partition("=")
+    settings = {"params.scene": str(scene), key: value == "true"}
+    with ComponentTest(load_component(plain), settings, virtual=True) as house:
+        assert "cup" in house.worker.world.tree
+    assert house.fine
 
 
 @pytest.mark.parametrize(

@@ -396,6 +396,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(call, error, text: str, r
         ('measures="8"', 'measures="-1"', "`measures` is negative"),
         ('max="5000"', 'max="50"', "it has 8, 100 and 50"),
         ('<transform id="hand" tz="20"/>', '<mesh id="cup" file="cup.obj"/>', "`cup`: there is no file `cup.obj`"),
+        ('<transform id="hand" tz="20"/>', '<mesh id="cup"/>', "`cup`: the mesh has no `file`; mend the path, or"),
     ],
 )
 def test_a_scene_that_cannot_be_simulated_says_why(old: str, new: str, text: str, tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ from .sensors import FullPoseEstimationHandler, IMUHandler, TouchSensorHandler, 
 from .values import filled, operation, records
 
 try:
+    from ..build import MissingMeshError
     from ..editing import EditError, Editing
     from ..remote import Remote
     from ..world import World
@@ -98,7 +99,7 @@ class Simulator(Controlled, Managed):
                 compat=compat,
             )
         except InnerModelError as exc:
-            raise ConfigurationError(_told(exc, tree)) from exc
+            raise ConfigurationError(_told(exc, tree, self.instance)) from exc
         self._pace = Pace(self.world.tick, self.now())
         self._folder = path.parent
         in_process = getattr(self.params, "render", "") == "process"
@@ -279,7 +280,7 @@ def _tell(progress: Progress, proxy: Any) -> None:
     proxy.advanced(*progress.take())
 
 
-def _told(error: InnerModelError, tree: Tree) -> str:
+def _told(error: InnerModelError, tree: Tree, instance: str) -> str:
     """What is wrong with a scene: a line for each problem, with its place and what may be meant."""
     if problems := [each for each in error.problems if each.is_error]:
         lines = [f"{each.place}: {each.message}{f'; {each.hint}' if each.hint else ''}" for each in problems]
@@ -287,5 +288,11 @@ def _told(error: InnerModelError, tree: Tree) -> str:
         return "\n".join(lines) + (
             "; set the parameter `scene` to the file, from this component's folder" if unread else ""
         )
-    place = tree.place(error.node) if error.node else None
-    return f"{place}: {error}" if place else str(error)
+    place, text = tree.place(error.node) if error.node else None, str(error)
+    if isinstance(error, MissingMeshError):
+        text = (
+            f"{error.lack}; mend the path, or leave such meshes out: `without_meshes = true` below `[params]` in the "
+            "component's etc/config.toml; for one run `--set params.without_meshes=true`, "
+            f"in a network `--set {instance}.params.without_meshes=true`"
+        )
+    return f"{place}: {text}" if place else text
