@@ -310,7 +310,7 @@ def add_yes(to: argparse.ArgumentParser) -> None:
 
 def allowed(channel: Channel, told: End | None, command: str, *, yes: bool) -> int:
     """0 if an operation may be used, after asking if it is marked `[confirm]`; else the exit code, after a message."""
-    if told is None or not told.confirm or yes:
+    if yes or not (told.confirm if told else channel.operation.confirm):
         return FINE
     if not sys.stdin.isatty():
         print(f"{command}: {channel.name} stops or moves something; confirm it with --yes", file=sys.stderr)

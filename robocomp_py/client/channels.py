@@ -16,4 +16,4 @@ def transport_channel(channel: Channel, operation: Operation[Any], qos: QoS = DE
     response = operation.response if channel.pattern is Pattern.QUERY else None
     told = channel.operation
     kind = TypeRef(told.request.name, told.fingerprint, told.text, operation.request, response)
-    return base.Channel(channel.name, channel.pattern, kind, qos)
+    return base.Channel(channel.name, channel.pattern, kind, qos, told.idempotent)

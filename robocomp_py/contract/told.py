@@ -7,7 +7,8 @@ defaults, no names of sequences and no bases of exceptions, and does not say whe
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .interface import Operation, Pattern
@@ -22,6 +23,42 @@ _GENERIC = re.compile(r"(sequence|records|dictionary)<(.*)>\Z")
 _PRIMITIVES = {str(kind.value): kind for kind in Primitive}
 
 _Members = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Untold:
+    """What the text of an operation does not say."""
+
+    idempotent: bool = False
+    confirm: bool = False
+    bases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Of each exception with bases: these, the nearest first. `1 Trouble`: the number of all its fields, its name."""
+
+
+def untold(operation: Operation[Any]) -> Untold:
+    bases = {each.name: tuple(_spelt_bases(each)) for each in operation.raises if each.base}
+    return Untold(operation.idempotent, operation.confirm, bases)
+
+
+def _spelt_bases(kind: ExceptionType) -> Iterator[str]:
+    if kind.base:
+        yield f"{len(kind.base.all_fields)} {kind.base.name}"
+        yield from _spelt_bases(kind.base)
+
+
+def completed(operation: Operation[Any], more: Untold) -> Operation[Any]:
+    """An operation that was made from its text, with what the text does not say. Raises ValueError."""
+    raises = tuple(_with_bases(each, more.bases.get(each.name, ())) for each in operation.raises)
+    return replace(operation, idempotent=more.idempotent, confirm=more.confirm, raises=raises)
+
+
+def _with_bases(kind: ExceptionType, bases: tuple[str, ...]) -> ExceptionType:
+    if not bases:
+        return kind
+    number, _, name = bases[0].partition(" ")
+    at = int(number)
+    base = _with_bases(ExceptionType(_named(name), kind.fields[:at]), bases[1:])
+    return ExceptionType(kind.name, kind.fields[at:], base)
 
 
 def operation(text: str) -> Operation[Any]:

@@ -11,7 +11,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from ..contract.interface import Verb
+from ..contract.interface import Pattern, Verb
+from ..contract.told import Untold
 from ..transports.network import Helper, Way
 from .asjson import to_json
 from .policy import Escalation
@@ -77,6 +78,32 @@ class Ours:
 
 
 @dataclass(frozen=True)
+class Served:
+    """A channel of a foreign program, which announces nothing: its description for tools."""
+
+    instance: str
+    owner: str
+    """What it would announce: the prefix of its channels."""
+    channel: str
+    pattern: Pattern
+    fingerprint: int
+    text: str
+    """Its contract."""
+    untold: Untold
+    """The rest of it."""
+
+
+@dataclass(frozen=True)
+class Programs:
+    """What foreign programs serve over one middleware."""
+
+    middleware: str
+    options: Mapping[str, Any]
+    """With which a tool reaches them."""
+    serve: tuple[Served, ...]
+
+
+@dataclass(frozen=True)
 class Allowed:
     """An operation that an agent may use."""
 
@@ -128,6 +155,8 @@ class Plan:
     """The instance whose clock all others follow; "" if each has its own."""
     allow: tuple[Allowed, ...] = ()
     """What an agent may call through `rc mcp`."""
+    programs: tuple[Programs, ...] = ()
+    """The foreign programs whose places are known."""
 
     @property
     def carriers(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from ..contract.component import Component, Port
 from ..contract.interface import Pattern, Verb
 from ..contract.middleware import AUTO, carrier, generated_for
 from ..contract.parameters import Complaint, ParameterSet
+from ..contract.told import untold
 from ..dsl.cdsl.qos import read_qos as qos_of
 from ..dsl.ddsl.hosts import check_ports
 from ..dsl.ddsl.model import Deployment, Instance
@@ -34,14 +35,15 @@ from ..runtime.effective import toml
 from ..runtime.keys import KEYS
 from ..runtime.notify import BETWEEN
 from ..spelling import unknown
-from ..transports.deployment import deployments
+from ..transports.deployment import deployment_of, deployments
 from ..transports.network import LOOPBACK, Fault, Network, Site
 from ..transports.network import Way as Carried
+from ..wire import names
 from . import placing, security
 from .auto import Choice, Usable, choose, installed_here, unsupported_by_others
 from .configuration import check_text, span_of
 from .offers import read_offers
-from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Security
+from .plan import Link, OpenedTransport, Ours, Overrides, Plan, Programs, Security, Served
 from .process import Member, Process
 from .qos import unsupported
 from .routes import (
@@ -181,6 +183,7 @@ class _Planner:
             placing.hosts_of(self._model, self._model.instances),
             helpers=(*self._wiring.helpers, *self._placement.helpers),
             ours={each.name: self._ours(each, folders[each.name]) for each in self._configured},
+            programs=tuple(self._served()),
             **placing.of_plan(self._model, {node.name: node.component for node in nodes}, self._report),
         )
 
@@ -197,6 +200,24 @@ class _Planner:
             for name in _topics(port)
         )
         return Ours(folder.resolve(), each.component.fingerprints(), each.channels, tuple(sorted(over)), topics)
+
+    def _served(self) -> Iterator[Programs]:
+        """What foreign programs serve at known places, for tools: they announce nothing themselves."""
+        for middleware, places in self._placement.programs.items():
+            found: list[Served] = []
+            at: dict[str, str] = {}
+            for each, part, port in _implemented(self._programs):
+                segment = part.component.segment(port)
+                place = places.get((each.name, names.within(part.instance if part.owner else "", segment)))
+                if place is None:
+                    continue
+                for operation, pattern in port.interface.under(port.verb):
+                    channel = "/".join((part.channels, segment, operation.name))
+                    contract = operation.fingerprint, operation.text, untold(operation)
+                    found.append(Served(each.name, each.channels, channel, pattern, *contract))
+                    at[channel] = place
+            if found:
+                yield Programs(middleware, deployment_of(middleware).reaching(at), tuple(found))
 
     # The network as a whole.
 
@@ -728,6 +749,13 @@ def _provides_over(middleware: str, each: Configured) -> bool:
 def _parts(configured: Iterable[Configured]) -> list[Configured]:
     """The instances, each without its named instances, and these."""
     return [part for each in configured for part in each.parts]
+
+
+def _implemented(configured: Iterable[Configured]) -> Iterator[tuple[Configured, Configured, Port]]:
+    """The interfaces that instances implement: each with the instance, and with the part of it that offers it."""
+    for each in configured:
+        for part in each.parts:
+            yield from ((each, part, port) for port in part.component.ports if port.verb is Verb.IMPLEMENTS)
 
 
 def _undeclared(node: Node, checked: settings.Settings) -> Iterator[Complaint]:

@@ -32,6 +32,8 @@ class Placement:
     """By instance, how many ports from its `port` on are those of its interfaces."""
     faults: tuple[Fault, ...] = ()
     helpers: tuple[Helper, ...] = ()
+    programs: Mapping[str, Mapping[tuple[str, str], str]] = field(default_factory=dict)
+    """By transport: see `transports.network.Placement`."""
 
 
 def wire(network: Network) -> Wiring:
@@ -57,6 +59,7 @@ def place(network: Network) -> Placement:
     settings: dict[str, list[str]] = {}
     faults: list[Fault] = []
     helpers: list[Helper] = []
+    programs: dict[str, Mapping[tuple[str, str], str]] = {}
     for name, each in deployments().items():
         if not each.ports_of_interfaces:
             continue
@@ -68,7 +71,10 @@ def place(network: Network) -> Placement:
             settings.setdefault(instance, []).extend(given)
         faults += found.faults
         helpers += found.helpers
-    return Placement({name: tuple(each) for name, each in settings.items()}, taken, tuple(faults), tuple(helpers))
+        if found.programs:
+            programs[name] = found.programs
+    told = {name: tuple(each) for name, each in settings.items()}
+    return Placement(told, taken, tuple(faults), tuple(helpers), programs)
 
 
 def _shared_ports(network: Network, helpers: Sequence[Helper]) -> Iterator[Fault]:

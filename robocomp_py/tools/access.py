@@ -277,7 +277,7 @@ def _answer(caller: Caller, call: Call[Any], values: tuple[Any, ...], deadline: 
 
 def _path(channel: Channel, qos: QoS | None = None) -> base.Channel:
     kind = type_of(channel.operation, channel.pattern)
-    return base.Channel(channel.name, channel.pattern, kind, qos or DEFAULT_QOS)
+    return base.Channel(channel.name, channel.pattern, kind, qos or DEFAULT_QOS, channel.operation.idempotent)
 
 
 def _thrown(operation: Operation[Any], codec: Codec, reply: Reply) -> ThrownError | RemoteFailure:

@@ -1,4 +1,4 @@
-"""What processes announce, by names alone: contracts are not read, so that a shell can ask at every press of a key."""
+"""What processes announce and networks describe, by names alone, so that a shell can ask at every press of a key."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OWN = frozenset(
 
 
 def told_in_files() -> list[Told]:
-    """The ends that processes on this host announce in files, those of the framework's interfaces last.
+    """The ends that files on this host tell of, those of the framework's interfaces last.
 
     Only these can be read in no time: other middlewares, such as DDS, have to be opened for it. What cannot be read
     counts as not there, because a shell that completes a name can show no error.
@@ -28,11 +28,13 @@ def told_in_files() -> list[Told]:
 
 
 def told_by_transport() -> list[tuple[str, Told]]:
-    """The same, each with the transport in whose files it is, in no order."""
+    """The same, each with its transport, in no order."""
     from ..transports.directory import announcing, census
+    from .programs import described
 
     try:
-        return [(transport, each) for transport in announcing() for each in census(transport)]
+        announced = [(transport, each) for transport in announcing() for each in census(transport)]
+        return announced + [(each.middleware, each.told) for each in described(running=False)]
     except (ConfigurationError, TransportError):
         return []
 

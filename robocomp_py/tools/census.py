@@ -12,6 +12,7 @@ from ..spelling import unknown
 from ..transports.deployment import deployment_of, deployments
 from .announced import told_by_transport
 from .network import End, Network
+from .programs import described
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ def take_census(
             if found is None and middlewares:
                 raise ConfigurationError(f"{name} cannot tell what uses it")
             ends += found or ()
+        ends += of_programs(middlewares, options)
     return Network(ends, own=own)
 
 
@@ -75,7 +77,23 @@ def take_each(middlewares: Sequence[str] = (), options: Mapping[str, Mapping[str
             if found is not None:
                 ends += found
                 tellers.append(name)
+        ends += of_programs(middlewares, options)
     return Seen(ends, {"": frozenset(tellers)}, troubles)
+
+
+def of_programs(middlewares: Sequence[str], options: Mapping[str, Mapping[str, Any]] | None = None) -> list[End]:
+    """What programs serve that announce nothing, also on other hosts, as the networks that run here describe them."""
+    return [
+        End(
+            each.middleware,
+            each.told,
+            each.host,
+            options={**(options or {}).get(each.middleware, {}), **each.options},
+            untold=each.untold,
+        )
+        for each in described()
+        if not middlewares or each.middleware in middlewares
+    ]
 
 
 def _nearest_first(names: Iterable[str]) -> list[str]:

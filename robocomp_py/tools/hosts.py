@@ -18,7 +18,7 @@ from ..spelling import unknown
 from ..transports.deployment import deployment_of
 from ..transports.permissions import OPERATOR
 from ..transports.runtime_folder import runtime_dir
-from .census import Seen, check_names, take_census, take_each
+from .census import Seen, check_names, of_programs, take_census, take_each
 from .network import Channel, Network
 
 if TYPE_CHECKING:
@@ -104,9 +104,12 @@ class Hosts(Closing):
             self.lost = {}
             return take_census(middlewares, own=own, options=self._options)
         check_names(middlewares)
-        here = take_census(middlewares, own=True, options=self._options).ends if self.here else ()
+        if self.here:
+            here = list(take_census(middlewares, own=True, options=self._options).ends)
+        else:
+            here = of_programs(middlewares, self._options)
         known = self.lost
-        seen, lost = self._merged(Seen(list(here)), middlewares)
+        seen, lost = self._merged(Seen(here), middlewares)
         for text in [why for host, why in lost.items() if host not in known] + seen.troubles:
             self._tell(text)
         return Network(seen.ends, own=own)
@@ -117,6 +120,8 @@ class Hosts(Closing):
         if not self.posts:
             self.lost = {}
             return here
+        if not self.here:
+            here = Seen(of_programs(middlewares, self._options))
         seen, lost = self._merged(here, middlewares)
         return replace(seen, troubles=[*lost.values(), *seen.troubles])
 
@@ -132,7 +137,9 @@ class Hosts(Closing):
 
         there, lost = survey(self.posts, middlewares)
         self.lost = lost
-        ends = merged(here.ends, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
+        looked_at = {*([""] if self.here else ()), *(each.host for each in self.posts)}
+        near = [each for each in here.ends if each.host in looked_at]
+        ends = merged(near, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
         return Seen(ends, {**here.tellers, **there.tellers}, [*here.troubles, *there.troubles]), lost
 
     def _post(self, network: str, host: str, options: Options) -> Post:
@@ -249,6 +256,8 @@ def places(plans: Mapping[str, Any]) -> Mapping[str, str]:
         own = {instance: each.get("host", "") for each in processes for instance in each.get("instances", ())}
         ours = plan.get("ours", {})  # some are not called as their channels are
         own |= {each["channels"].strip("/"): own[name] for name, each in ours.items() if name in own}
+        served = [each for programs in plan.get("programs", ()) for each in programs["serve"]]
+        own |= {each["owner"].strip("/"): own[each["instance"]] for each in served if each["instance"] in own}
         for name, host in own.items():
             found.setdefault(name, set()).add(host)
     return {name: hosts.pop() for name, hosts in found.items() if len(hosts) == 1}

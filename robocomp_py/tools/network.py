@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..contract import told
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
+from ..contract.told import Untold
 from ..errors import RobocompError
 from ..printable import one_line
 from ..spelling import closest
@@ -61,6 +62,8 @@ class End:
     """The scout that tells of it; None if this process sees it itself."""
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """With which this process opens its middleware."""
+    untold: Untold | None = field(default=None, compare=False)
+    """What is known of its contract besides the text."""
 
     @property
     def role(self) -> str:
@@ -187,8 +190,9 @@ class Channel:
             raise NotUnderstood(
                 f"nothing announces the contract of {self.name}; its IDSL file has it: rc info {self.name} -I DIR"
             )
+        more = next((each.untold for each in self.providers if each.untold), None)
         try:
-            return _understood(text)
+            return told.completed(_understood(text), more) if more else _understood(text)
         except ValueError as exc:
             raise NotUnderstood(f"the contract of {self.name} is not understood: {exc}") from exc
 

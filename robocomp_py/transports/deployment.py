@@ -171,6 +171,10 @@ class Deployment:
         """Where an instance finds a channel outside of its network, as its options say; "" if they do not."""
         return ""
 
+    def reaching(self, programs: Mapping[str, str]) -> Mapping[str, Any]:
+        """The options of a tool that uses channels of foreign programs, each at a place of `Placement.programs`."""
+        return {}
+
     def at_port(self, port: int) -> Mapping[str, Any]:
         """The options of an instance on this machine to which its network gives a `port`; 0 is that it needs none."""
         return {}

@@ -210,6 +210,12 @@ class IceOptions:
         return _of(self.topics, channel) or self.topics.get(names.segment(channel))
 
 
+def key_of(channel: str) -> str:
+    """The key of an interface of an instance in `proxies` and `topics`."""
+    *namespace, instance, segment, _ = channel.split("/")
+    return "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
+
+
 def operation_of(channel: str) -> str:
     """What Ice calls the operation of a channel: names of Slice have no hyphen."""
     return names.operation(channel).replace("-", "_")

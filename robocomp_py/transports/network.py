@@ -157,6 +157,9 @@ class Placement:
     """By instance, how many ports from its `port` on are those of its interfaces."""
     faults: Sequence[Fault] = ()
     helpers: Sequence[Helper] = ()
+    programs: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    """Where foreign programs serve their interfaces, as far as that is known, for `Deployment.reaching`. Keys are an
+    instance and an interface, as in `Site.interfaces`."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from hypothesis import given
 
 from robocomp_py.contract import told
 from robocomp_py.contract.interface import Operation
-from robocomp_py.contract.types import Struct
+from robocomp_py.contract.types import INT32, STRING, ExceptionType, Field, Struct
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.actions import GO_TO
 
@@ -20,6 +20,16 @@ def test_an_operation_comes_back_from_its_text(operation: Operation[object]) -> 
     assert found.fingerprint == operation.fingerprint
     assert (found.interface, found.name, found.pattern) == (operation.interface, operation.name, operation.pattern)
     assert [each.name for each in found.raises] == [each.name for each in operation.raises]
+
+
+def test_with_what_its_text_does_not_say_an_operation_is_whole_again() -> None:
+    base = ExceptionType("M::Base", (Field("what", STRING),))
+    middle = ExceptionType("M::Middle", (Field("place", STRING),), base)
+    kinds = (ExceptionType("M::Last", (Field("number", INT32),), middle), middle, base)
+    operation: Operation[object] = Operation("M::I", "do", raises=kinds, idempotent=True, confirm=True)
+    found = told.completed(told.operation(operation.text), told.untold(operation))
+    assert (found.raises, found.idempotent, found.confirm) == (kinds, True, True)
+    assert found.fingerprint == operation.fingerprint
 
 
 @patiently

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from robocomp_py.contract.told import operation
 from robocomp_py.deploy.plan import Overrides, Plan
 
 from .planned import errors, plan, planned
@@ -138,6 +139,33 @@ def test_clients_of_a_program_get_its_address(folder: Path) -> None:
     found = planned(folder, f"Component sensor {{ {PROGRAM} port 10003; }}; Component driver {{ }};")
     assert set(over(found).values()) == {"ice"}
     assert options(found, "driver") == {"proxies": {"sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003"}}
+
+
+def test_tools_are_told_what_programs_serve_and_where(folder: Path) -> None:
+    (folder / "their.config").write_text("Laser.Endpoints = tcp -p 11000\n")
+    body = f"""
+    security open; {ONBOARD} namespace robot1;
+    Component sensor {{ {PROGRAM} port 10003; }};
+    Component onboard : sensor {{ {PROGRAM} config "their.config"; host onboard; }};
+    """
+    [found] = planned(folder, body).programs
+    assert found.middleware == "ice"
+    assert found.options == {
+        "proxies": {
+            "/robot1/sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003",
+            "/robot1/onboard/Laser": "laser:tcp -h 192.168.1.10 -p 11000",
+        }
+    }
+    each = found.serve[0]
+    assert (each.instance, each.owner, each.pattern) == ("sensor", "robot1/sensor", "query")
+    assert each.channel == "robot1/sensor/Laser/getLaserData"
+    assert operation(each.text).fingerprint == each.fingerprint
+
+
+def test_tools_are_told_nothing_of_programs_without_a_known_place_and_of_components(folder: Path) -> None:
+    assert planned(folder, f"Component sensor {{ {PROGRAM} }};").programs == ()
+    assert planned(folder, "middleware ice; Component sensor { port 10003; };").programs == ()
+    assert planned(folder, 'Component sensor { existing "sleep 1000"; middleware zeromq; port 10003; };').programs == ()
 
 
 def test_a_program_is_where_its_own_configuration_says(folder: Path) -> None:

@@ -197,7 +197,7 @@ class Requests:
         except NotUnderstood as exc:
             return found | {"not_understood": str(exc)}
         found |= {"contract": contract, "comments": comments, "arguments": values.template(inputs)}
-        found["confirm"] = bool(told and told.confirm)
+        found["confirm"] = told.confirm if told else not action and channel.operation.confirm
         if action:
             return found | {"goals_may_be_begun": name in self._permissions.goals}
         if channel.pattern is not Pattern.PUBLISH:

@@ -48,6 +48,9 @@ class IceDeployment(Deployment):
     def outside(self, options: Mapping[str, Any], channel: str) -> str:
         return iceoptions.read(options).proxy_of(channel) or ""
 
+    def reaching(self, programs: Mapping[str, str]) -> Mapping[str, Any]:
+        return {"proxies": {iceoptions.key_of(channel): proxy for channel, proxy in programs.items()}}
+
     def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
         told = iceoptions.read(options)
         served = [each for text in told.endpoints.values() for each in iceoptions.parse_endpoints(text)]

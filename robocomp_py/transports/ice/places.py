@@ -45,6 +45,11 @@ class _Object:
         return self.segment.rpartition("/")[0]
 
     @property
+    def interface(self) -> str:
+        """Without the named instance."""
+        return self.segment.rpartition("/")[2]
+
+    @property
     def key(self) -> str:
         """In the keys of settings."""
         return f'"{self.segment}"' if self.named else self.segment
@@ -82,7 +87,7 @@ class _Finder:
         for client, proxies in told.items():
             self._set(client, "proxies", {**self._options[client].proxies, **proxies})
         self._find_storms()
-        return Placement(self._set_for, self._taken, self._faults, self._helpers)
+        return Placement(self._set_for, self._taken, self._faults, self._helpers, dict(self._programs()))
 
     # Where things are.
 
@@ -173,11 +178,11 @@ class _Finder:
         options = self._options[client.instance]
         if options.proxy_of(way.channel):
             return
-        key, segment = _key(way.channel), names.segment(way.channel)
+        key, segment = iceoptions.key_of(way.channel), names.segment(way.channel)
         if served in self._at:
             host, port = self._at[served]
             there = self._address(way.provider) if self._crosses(way) else LOOPBACK
-            yield key, f"{segment.lower()}:tcp -h {_quoted(host or there)} -p {port}"
+            yield key, _proxy_at(segment, host or there, port)
         elif own := _old_proxy(client, way.port):
             yield key, own
         else:
@@ -186,6 +191,14 @@ class _Finder:
             )
             by_port, by_file = "add its port: port 10003;", 'name its own configuration: config "etc/config";'
             self._fault(way, message, by_file if len(self._served(provider)) > 1 else by_port)
+
+    def _programs(self) -> Iterator[tuple[tuple[str, str], str]]:
+        """Where foreign programs serve their interfaces, for those on the machine that launches the network."""
+        for served, (host, port) in self._at.items():
+            site = self._everyone[served.instance]
+            if site.is_program:
+                there = host or (self._network.address(site) if site.host else LOOPBACK)
+                yield (served.instance, served.segment), _proxy_at(served.interface, there, port)
 
     # IceStorm.
 
@@ -224,14 +237,14 @@ class _Finder:
             for end in (way.provider, way.client):
                 if self._everyone[end].is_program:
                     name = self._options[end].topics.get(way.interface, way.interface)
-                    by_programs.setdefault(_key(way.channel), name)
+                    by_programs.setdefault(iceoptions.key_of(way.channel), name)
         told: dict[str, dict[str, str]] = {}
         for way in self._topics:
-            name = by_programs.get(_key(way.channel), "")
+            name = by_programs.get(iceoptions.key_of(way.channel), "")
             for end in (way.provider, way.client):
                 options = self._options[end]
                 if name and not self._everyone[end].is_program and not options.topic_said_of(way.channel):
-                    told.setdefault(end, {})[_key(way.channel)] = name
+                    told.setdefault(end, {})[iceoptions.key_of(way.channel)] = name
         for end, topics in told.items():
             options = self._options[end]
             self._options[end] = replace(options, topics={**options.topics, **topics})
@@ -281,12 +294,6 @@ def _object(way: Way) -> _Object:
     return _Object(way.provider, names.within(way.named, names.segment(way.channel)))
 
 
-def _key(channel: str) -> str:
-    """The key of an interface of an instance in the options."""
-    *namespace, instance, segment, _ = channel.split("/")
-    return "/".join(("", *namespace, instance, segment)) if namespace else f"{instance}/{segment}"
-
-
 def _options(each: Site, middleware: str) -> IceOptions:
     """Of an instance whose configuration has been checked."""
     return iceoptions.read(each.options.get(middleware, {}))
@@ -320,6 +327,10 @@ def _is_one(corner: tuple[str, str, int], other: tuple[str, str, int]) -> bool:
 
 def _number(host: str) -> str:
     return LOOPBACK if host.lower() in ("localhost", "::1") else host.lower()
+
+
+def _proxy_at(interface: str, host: str, port: int) -> str:
+    return f"{interface.lower()}:tcp -h {_quoted(host)} -p {port}"
 
 
 def _quoted(host: str) -> str:

@@ -1,6 +1,7 @@
 """A program with Ice alone, which asks and serves as the components that RoboComp generates do.
 
     tools.py serve ENDPOINT    a workshop; says `ready PROXY`, and at its end what was tidied
+    tools.py stay ENDPOINT     the same, until it is ended
     tools.py ask PROXY         asks a workshop, and prints what it was told, a line of JSON each
     tools.py probe PROXY       the same, by what Ice has beside calls: types, facets, contexts, one way, wrong names
 
@@ -118,12 +119,14 @@ def probe(proxy):
 
 def main(act, where):
     with Ice.initialize(["--Ice.Default.Host=127.0.0.1"]) as communicator:
-        if act == "serve":
+        if act in ("serve", "stay"):
             adapter = communicator.createObjectAdapterWithEndpoints("Workshop", where)
             servant = Workshop()
             proxy = adapter.add(servant, Ice.stringToIdentity("workshop"))
             adapter.activate()
             print("ready", proxy, flush=True)
+            if act == "stay":
+                communicator.waitForShutdown()
             sys.stdin.read()
             tell("tidied", servant.shelves)
         else:
