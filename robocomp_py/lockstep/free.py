@@ -108,7 +108,7 @@ class Followed:
         self._settings = settings.clock
         self._leader = names.whole(settings.clock.leader, settings.namespace)
         self._is_over = is_over
-        self.alarm = threading.Event()
+        self.wake = threading.Event()
 
     def open(self, connections: Any) -> None:
         """`connections` are those of the component."""

@@ -15,9 +15,11 @@ from ..runtime.clock import NEVER
 from ..threads import NO_THREAD
 from ..wire import names
 from .balance import Balance, State
-from .helm import ANY_CORE, Alarm, Helm, present_core
+from .cores import ANY_CORE, present_core
+from .handover import Handover
 from .links import Reaches, Seated
 from .pace import Pace
+from .pollable import PollableEvent
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
@@ -45,16 +47,16 @@ _LOST = 0.25
 """Seconds after which a message that has not arrived counts as lost, if nothing moves."""
 
 _TELL = 5.0
-"""Seconds after which the log names those for whom the clock waits."""
+"""Seconds after which the log names the components for which the clock waits."""
 
 _IDLE = 0.05
 """Seconds between two looks at components that have nothing to do at any time."""
 
 _LOOKS = 3
-"""How often all components are looked at because of calls, before the clock goes on: some may never stop calling."""
+"""How often calls make the leader look at all components before the clock goes on: some may never stop calling."""
 
 _MOVES = 1000
-"""Instants after which the leader looks on which core its loop runs: the system may have moved it."""
+"""Instants after which the leader checks on which core its loop runs: the system may have moved it."""
 
 
 class Leader:
@@ -78,7 +80,7 @@ class Leader:
         self._now = 0
         self._seats: list[Seat] = []
         self._are_quick = False
-        """Whether questions to all of them take little."""
+        """Whether questions to all of them take so little time that the loop may ask."""
         self._balance = Balance({})
         self._receivers: set[str] = set()
         """The components to which others send something."""
@@ -96,12 +98,12 @@ class Leader:
         self._lost_on: set[str] = set()
         """The channels of lost messages that were reported."""
         self._course = self._lead()
-        self._asking: Alarm | None = None
-        """That of the loop, while it leads."""
+        self._asking: PollableEvent | None = None
+        """The event of the loop, while the loop leads."""
         self.is_for_loop = False
         """Whether nothing takes long now: there is no pause, and no component joins or leaves."""
         self._core, self._instants = ANY_CORE, 0
-        self.helm = Helm(f"{member.instance[1:]}-leader", self)
+        self.handover = Handover(f"{member.instance[1:]}-leader", self)
 
     def open(self, connections: Reaches) -> None:
         self._connections = connections
@@ -110,14 +112,14 @@ class Leader:
 
     def begin(self) -> None:
         """Start to move the clocks, once all followers are there."""
-        if not self.helm.begin():
+        if not self.handover.begin():
             raise ComponentError(f"the clock cannot be led: {NO_THREAD}")
 
     def close(self) -> None:
         self._closing.set()
         self._pace.close()
         self._news.set()
-        self.helm.close()
+        self.handover.close()
         for each in self._seats:
             each.hang_up()
 
@@ -138,7 +140,7 @@ class Leader:
             self._joining.pop(instance, None)
             self._leaving.add(instance)
 
-    # What those ask that drive the clock.
+    # What tools ask that drive the clock.
 
     def ClockControl_state(self) -> ClockState:
         stand = self._pace.stand
@@ -158,10 +160,10 @@ class Leader:
     def ClockControl_setSpeed(self, speed: float) -> None:
         self._pace.set_speed(speed)
 
-    # For the helm.
+    # The task, for `handover`.
 
     def core(self) -> int:
-        """That on which its loop runs, which calls this."""
+        """The core on which its loop runs. Called on the thread of the loop."""
         self._instants -= 1
         if self._instants < 0:
             self._instants = _MOVES
@@ -174,17 +176,17 @@ class Leader:
             if each.line:
                 each.line.core = core
 
-    def serve(self, by: Alarm, timeout: float, *, is_loop: bool) -> bool:
-        self._asking = by if is_loop else None
+    def serve(self, wake: PollableEvent, timeout: float, *, is_loop: bool) -> bool:
+        self._asking = wake if is_loop else None
         if not is_loop:
             self._instants = 0
             self._wait_on(ANY_CORE)
         for is_due in self._course:
             if is_due:
                 return True
-            if by.is_set() or (is_loop and not self.is_for_loop):
-                return by.is_set()
-        return by.wait(timeout)  # the clock stands still for ever
+            if wake.is_set() or (is_loop and not self.is_for_loop):
+                return wake.is_set()
+        return wake.wait(timeout)  # the clock stands still for ever
 
     # The clock.
 

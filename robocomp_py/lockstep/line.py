@@ -6,7 +6,7 @@ This is the leader's end, and the form of the messages; that of the follower is 
                 number, kind, 0, core, the last answer         for a look
     answer      number, the state
 
-`core` is that on which the leader's loop waits, so that the follower's may wait there too (`helm.py`).
+`core` is the core on which the leader's loop waits, so that the follower's loop can wait there, too (`handover.py`).
 
 It takes a tenth of the time of a query over a middleware, and its end tells at once that the other process is gone.
 Both processes are on one host and belong to one user. The address is a random name without a file, which the follower
@@ -24,7 +24,7 @@ from functools import cache
 
 from ..errors import Timeout, Unreachable
 from .balance import State
-from .helm import ANY_CORE
+from .cores import ANY_CORE
 
 log = logging.getLogger("robocomp.clock")
 
@@ -47,12 +47,12 @@ class Line:
     """
 
     def __init__(self, sock: socket.socket, deadline: float) -> None:
-        """An answer takes at most `deadline` seconds."""
+        """The follower has `deadline` seconds for an answer."""
         self.core = ANY_CORE
         """That of the leader's loop."""
         self._sock, self._deadline, self._number = sock, deadline, 0
         self._until = 0.0
-        """When the deadline of the question is over; 0 while its answer is not late."""
+        """When the deadline of the question is over; 0 before the first wait for its answer has ended."""
         self._buffer = bytearray(MOST)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _timeval(min(_SLICE, deadline)))
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _timeval(deadline))
@@ -70,7 +70,7 @@ class Line:
         self._ask(LOOK, 0, pack_answer(0, last))
 
     def answer(self, asking: object = None) -> State | None:
-        """The answer; None if it takes longer, so that this has to be called again. Any thread may ask for it.
+        """The answer; None if it takes longer: call this again, on any thread.
 
         Raises Timeout when the deadline is over.
         """
@@ -166,5 +166,5 @@ def unpack_answer(octets: bytes | bytearray, begin: int, end: int) -> tuple[int,
 
 @cache
 def _form(numbers: int) -> struct.Struct:
-    """The form of an answer with so many numbers."""
+    """The form of an answer with that number of counters."""
     return struct.Struct(_ANSWER.format(numbers))

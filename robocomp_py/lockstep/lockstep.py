@@ -33,9 +33,9 @@ class Lockstep:
         """
         self._member = Member(settings, is_idle, is_over)
         self._leader = Leader(settings, self._member, fail) if self._member.leads else None
-        helm = self._leader.helm if self._leader else self._member.helm
-        self._member.clock.pause = helm.wait
-        self.alarm: threading.Event = helm.alarm
+        handover = self._leader.handover if self._leader else self._member.handover
+        self._member.clock.pause = handover.wait
+        self.wake: threading.Event = handover.wake
         """The event for which the loop of the component waits."""
 
     @property

@@ -21,7 +21,7 @@ from .answering import Answering
 from .balance import State
 from .clock import Followed, Moved
 from .counts import Counts
-from .helm import Helm
+from .handover import Handover
 from .links import Reaches
 from .RoboCompLockstep import (
     LOCKSTEPFOLLOWER_INTERFACE,
@@ -92,9 +92,9 @@ class Member:
         self._answering = Answering(self.instance[1:], self)
 
     @property
-    def helm(self) -> Helm:
+    def handover(self) -> Handover:
         """That of a follower."""
-        return self._answering.helm
+        return self._answering.handover
 
     @property
     def leads(self) -> bool:

@@ -1,6 +1,6 @@
-"""The components that take part in lock-step, as their leader asks them.
+"""The components that take part in lock-step, and how their leader asks them.
 
-Near      the one that leads
+Near      the component that leads
 OnLine    a follower that is asked over its socket
 Far       a follower without a socket, which is asked by queries
 """
@@ -15,9 +15,9 @@ from typing import Protocol
 from ..errors import RobocompError
 from ..runtime.clock import NEVER
 from .balance import State
-from .helm import Alarm
 from .line import Line, connect
 from .links import Seated
+from .pollable import PollableEvent
 from .RoboCompLockstep import Counter, LockstepFollowerProxy, Report
 
 log = logging.getLogger("robocomp.clock")
@@ -30,7 +30,10 @@ UNKNOWN = State(NEVER, True, -1, ())
 
 
 class Asked(Protocol):
-    """Is asked a question by `step`, `tell` or `look`; then `answer` is called, until it returns the state."""
+    """A component that takes part: `step`, `tell` or `look` asks, then `answer` is called until it returns the state.
+
+    All raise Timeout if the component does not answer in time, and another RobocompError if it is gone.
+    """
 
     def step(self, now: int) -> None: ...
 
@@ -38,8 +41,8 @@ class Asked(Protocol):
 
     def look(self, last: State) -> None: ...
 
-    def answer(self, asking: Alarm | None) -> State | None:
-        """None if it takes longer, or if the thread of `asking`, a loop that waits for the clock, is due."""
+    def answer(self, asking: PollableEvent | None) -> State | None:
+        """The state; None if it takes longer, or if the thread of `asking`, a loop that waits for the clock, is due."""
         ...
 
     def counters(self) -> Sequence[Counter]: ...
@@ -50,7 +53,7 @@ class Near:
 
     def __init__(self, member: Seated) -> None:
         self._member = member
-        self._question: Callable[[Alarm | None], State | None] = lambda asking: UNKNOWN
+        self._question: Callable[[PollableEvent | None], State | None] = lambda asking: UNKNOWN
         self.counters = member.counters
 
     def step(self, now: int) -> None:
@@ -62,7 +65,7 @@ class Near:
     def look(self, last: State) -> None:
         self._question = partial(self._member.watch, last)
 
-    def answer(self, asking: Alarm | None) -> State | None:
+    def answer(self, asking: PollableEvent | None) -> State | None:
         return self._question(asking)
 
 
@@ -82,7 +85,7 @@ class Far:
     def look(self, last: State) -> None:
         self._question = partial(self._proxy.look, last.report(), deadline=_DEADLINE)
 
-    def answer(self, asking: Alarm | None) -> State | None:
+    def answer(self, asking: PollableEvent | None) -> State | None:
         return State.of(self._question())
 
     def counters(self) -> Sequence[Counter]:
@@ -101,7 +104,7 @@ class OnLine:
 
 
 def reached(proxy: LockstepFollowerProxy) -> OnLine | Far:
-    """A follower, given its proxy."""
+    """The follower of this proxy, by its socket if that can be reached."""
     try:
         address = proxy.line(deadline=_DEADLINE)
     except RobocompError as exc:
@@ -121,14 +124,14 @@ class Seat:
         self.line = asked.line if isinstance(asked, OnLine) else None
         self.state = State(NEVER, True, 0, ())
         self.version = -1
-        """That of its counters."""
+        """The version of `counters`; -1 before they are known."""
         self.counters: Sequence[Counter] = ()
         self.silent = 0
         """Number of questions that it did not answer in time."""
 
     @property
     def is_quick(self) -> bool:
-        """Whether a question takes so little that the loop may ask it."""
+        """Whether a question takes so little time that the loop may ask it."""
         return self.is_near or self.line is not None
 
     def close(self) -> None:

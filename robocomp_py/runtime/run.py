@@ -95,7 +95,7 @@ class Running:
         self._introspection: Introspection | None = None
         self.ready = threading.Event()
         self.state = State.STARTING
-        self._wake = self._lockstep.alarm if self._lockstep else threading.Event()
+        self._wake = self._lockstep.wake if self._lockstep else threading.Event()
         self._changing = threading.Lock()
         threads = self._lockstep.threads if self._lockstep else threads
         self.monitor = Monitor(f"worker-{settings.instance}", threads)

@@ -13,7 +13,7 @@ import pytest
 from robocomp_py.errors import Timeout, Unreachable
 from robocomp_py.lockstep.answering import Answering
 from robocomp_py.lockstep.balance import State
-from robocomp_py.lockstep.helm import ANY_CORE
+from robocomp_py.lockstep.cores import ANY_CORE
 from robocomp_py.lockstep.line import Line, connect
 from robocomp_py.runtime.clock import NEVER
 from robocomp_py.testing.patience import SOON, wait_until
@@ -60,7 +60,7 @@ def answering(follower: Follower) -> Iterator[Answering]:
 
 @contextlib.contextmanager
 def waiting(answers: Answering) -> Iterator[Loop]:
-    """A thread that waits for the alarm, as the loop of a component does."""
+    """A thread that waits for its event, as the loop of a component does."""
     loop = Loop(answers)
     loop.start()
     try:
@@ -78,7 +78,7 @@ class Loop(threading.Thread):
         self._answers = answers
         self.is_over = False
         self.works = 0
-        """How often its alarm was set."""
+        """How often its event was set."""
         self.may_work = threading.Event()
         """While it is not set, work takes long."""
         self.may_work.set()
@@ -88,11 +88,11 @@ class Loop(threading.Thread):
         """On which it could run when it worked."""
 
     def run(self) -> None:
-        helm = self._answers.helm
-        alarm = helm.alarm
+        handover = self._answers.handover
+        wake = handover.wake
         while not self.is_over:
-            if helm.wait(alarm, 0.01):
-                alarm.clear()
+            if handover.wait(wake, 0.01):
+                wake.clear()
                 self.works += 1
                 self.cores.append(os.sched_getaffinity(0))
                 if self.blocks:
@@ -199,12 +199,12 @@ def test_a_loop_that_waits_answers_by_itself() -> None:
         assert line.look(A_STATE) == A_STATE
 
 
-def test_a_loop_whose_alarm_is_set_by_a_question_works_and_then_answers_it() -> None:
+def test_a_loop_whose_event_is_set_by_a_question_works_and_then_answers_it() -> None:
     follower = Follower()
     with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
         until_asked(line, follower, loop)
         before = loop.works
-        follower.calls = answers.helm.alarm.set
+        follower.calls = answers.handover.wake.set
         assert line.step(5) == State(5, False, 7, ())
         assert loop.works == before + 1
 
@@ -216,7 +216,7 @@ def test_the_question_is_answered_by_another_thread_while_the_loop_works(blocks:
         until_asked(line, follower, loop)
         loop.blocks = blocks
         loop.may_work.clear()
-        follower.calls = answers.helm.alarm.set
+        follower.calls = answers.handover.wake.set
         assert line.step(6).due == 6
         assert follower.answered_by[-1] != loop.ident
         assert line.step(7).due == 7
@@ -225,12 +225,12 @@ def test_the_question_is_answered_by_another_thread_while_the_loop_works(blocks:
         until_asked(line, follower, loop)
 
 
-def test_an_alarm_ends_the_wait_of_a_loop_that_receives() -> None:
+def test_an_event_ends_the_wait_of_a_loop_that_receives() -> None:
     follower = Follower()
     with answering(follower) as answers, asking(answers) as line, waiting(answers) as loop:
         until_asked(line, follower, loop)
         before = loop.works
-        answers.helm.alarm.set()
+        answers.handover.wake.set()
         wait_until(lambda: loop.works > before)
 
 
@@ -249,7 +249,7 @@ def test_a_loop_waits_on_the_core_of_the_leader_and_works_on_all() -> None:
 
         def waits_on(cores: set[int]) -> bool:
             """After it has worked."""
-            follower.calls = answers.helm.alarm.set
+            follower.calls = answers.handover.wake.set
             line.step(1)
             return os.sched_getaffinity(loop.native_id or 0) == cores
 
