@@ -507,7 +507,13 @@ def _catcher(message: Thrown, kind: ExceptionType, *, prefix: bool) -> Decoder:
             data = _opened(payload)
             fields: list[Any] = []
             left = [MAX_ITEMS]
-            n = _place_of(kind.name, _slices(data))
+            slices = _slices(data)
+            n = _place_of(kind.name, slices)
+            if kind.base is None and slices[-1].place > n and slices[-1].end is not None:
+                own, n = parts[0][1](joined := _with_fields_of_bases(data, n, slices), 0, left)
+                if n != len(joined):
+                    _refuse_rest(len(joined), n)
+                return (kind.name, *own)
             for name, read in parts:
                 part = _slice_at(data, n)
                 if part.name != name:
@@ -522,6 +528,11 @@ def _catcher(message: Thrown, kind: ExceptionType, *, prefix: bool) -> Decoder:
             raise unreadable(message, exc) from exc
 
     return decode
+
+
+def _with_fields_of_bases(data: Any, place: int, slices: list[_Slice]) -> bytes:
+    """The fields of a class and of its bases, in the order of a kind whose bases are not known: theirs come first."""
+    return b"".join(data[each.begin : each.end] for each in reversed(slices) if each.place >= place)
 
 
 def _opened(payload: Payload) -> Any:

@@ -247,6 +247,15 @@ def test_members_that_are_not_known_are_ignored_in_a_slice_that_says_its_size() 
     assert CODEC.decoder(thrown(BASE))(whole(longer)) == (LINES[BASE], 5)
 
 
+def test_one_whose_bases_are_not_known_is_read_with_all_fields_if_slices_say_their_size() -> None:
+    kind = ExceptionType(DERIVED.name, DERIVED.all_fields)
+    assert CODEC.decoder(thrown(kind), prefix=True)(whole(SLICED)) == (DERIVED.name, 5, "hm")
+    assert CODEC.decoder(thrown(ExceptionType(MIDDLE.name, MIDDLE.all_fields)))(whole(SLICED)) == (MIDDLE.name, 5)
+    longer = SLICED.replace("07000000 02 686d", "08000000 02 686d ff")
+    with pytest.raises(DecodeError, match="1 bytes left over"):
+        CODEC.decoder(thrown(kind))(whole(longer))
+
+
 WRONG_EXCEPTIONS = [
     ("", "IndexError"),
     ("20", "IndexError"),
