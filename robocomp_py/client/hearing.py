@@ -50,9 +50,9 @@ class Hearing:
         self._queues: weakref.WeakSet[Listening] = weakref.WeakSet()
         self._links: list[Subscription] = []
         self._again = 0.0
-        """When lost hosts are to be tried again."""
-        self._told: set[FarLink] = set()
-        """Those of lost hosts that the log has."""
+        """When to try lost hosts again, by `time.monotonic()`."""
+        self._reported: set[str] = set()
+        """The lost hosts of which a warning was logged, and from which nothing has come since then."""
         failed: list[HostUnreachable] = []
         for each in channel.each_way():
             try:
@@ -91,14 +91,14 @@ class Hearing:
     def wait(self, end: float | None, timeout: float | None) -> None:
         """Wait for a message for a while, with the lock of `arrived`.
 
-        Raises Timeout after `end`, Closed, and HostUnreachable if the host of the publisher is lost.
+        Raises Timeout after `end`, Closed, and HostUnreachable if the hosts of all publishers are lost.
         """
         self._session.check_open()
         if error := self.error:
             raise error
         for each in self._links:
-            if isinstance(each, FarLink) and each.error and each not in self._told:
-                self._told.add(each)
+            if isinstance(each, FarLink) and each.error and each.host not in self._reported:
+                self._reported.add(each.host)
                 self._warn(each.error)
         left = _LOOK if end is None else min(_LOOK, end - time.monotonic())
         if left <= 0:
@@ -126,12 +126,13 @@ class Hearing:
         session, operation = self._session, self._session.types.operation(channel.operation)
         read = _reader(session.codec(channel).decoder(operation.request), operation)
         qos = QoS(Reliability.BEST_EFFORT, channel.qos.durability, depth=DEPTH)
-        return session.hear(channel, operation, qos, lambda payload: self._take(_Arrived(payload, read)))
+        return session.hear(channel, operation, qos, lambda payload: self._take(_Arrived(payload, read), channel.host))
 
-    def _take(self, arrived: _Arrived) -> None:
+    def _take(self, arrived: _Arrived, host: str) -> None:
         """On a thread of the transport."""
         with self.arrived:
             self._newest = time.monotonic(), arrived
+            self._reported.discard(host)
             for each in self._queues:
                 each.put(arrived)
             self.arrived.notify_all()
@@ -143,7 +144,7 @@ class Hearing:
 class _Arrived(NamedTuple):
     payload: Payload
     read: Callable[[Payload], Any]
-    """Makes the message of it. Raises DecodeError."""
+    """Makes a message of the payload. Raises DecodeError."""
 
 
 def _reader(decode: Decoder, operation: Operation[Any]) -> Callable[[Payload], Any]:

@@ -116,7 +116,11 @@ def test_publishers_of_one_name_are_heard_on_all_hosts(
         assert topic.latest(newer_than=0).text == "still here"
         network.standing.scouts |= scouts
         wait_until(lambda: not next(messages).text.endswith("here"))
-    assert caplog.text.count(why) == 1
+        assert caplog.text.count(why) == 1
+        network.standing.scouts.clear()
+        network.cut()
+        with caplog.at_level(logging.WARNING):
+            wait_until(lambda: bool(next(messages)) and caplog.text.count(why) == 2)
 
 
 SCRIPT = """
