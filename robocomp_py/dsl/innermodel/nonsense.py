@@ -31,7 +31,7 @@ class Nonsense:
 
 def nonsense(element: Element) -> Iterator[Nonsense]:
     """What cannot be meant in an element, its children not included."""
-    for check in (_limits, _turns, _size, _colour, _file, _id):
+    for check in (_limits, _rays, _lens, _turns, _size, _colour, _file, _id):
         yield from check(element)
 
 
@@ -41,7 +41,7 @@ def is_colour(text: str) -> bool:
 
 
 def _limits(element: Element) -> Iterator[Nonsense]:
-    if not {"min", "max"} <= element.written.keys():
+    if not {"min", "max"} <= element.written.keys() or _negative(element):
         return
     low, high = number_of(element.written["min"]), number_of(element.written["max"])
     if element.tag.name == "laser":
@@ -51,6 +51,27 @@ def _limits(element: Element) -> Iterator[Nonsense]:
     if is_wrong:
         text = f"`min` is {low:g}, {relation} than `max`, which is {high:g}"
         yield Nonsense("wrong-value", "min", text, "the smaller one is `min`", Severity.ERROR)
+
+
+def _negative(element: Element) -> list[str]:
+    """The distances of a laser that are negative."""
+    is_laser = element.tag.name == "laser"
+    return [each for each in ("min", "max") if is_laser and number_of(element.values[each]) < 0.0]
+
+
+def _rays(element: Element) -> Iterator[Nonsense]:
+    for name in _negative(element):
+        yield Nonsense("wrong-value", name, f"`{name}` is negative", severity=Severity.ERROR)
+    if element.tag.name == "laser" and number_of(element.values["measures"]) > 1 and not element.values["angle"]:
+        yield Nonsense("without-effect", "angle", "all rays of the laser point ahead: `angle` is 0")
+
+
+def _lens(element: Element) -> Iterator[Nonsense]:
+    if element.tag.name not in ("rgbd", "camera"):
+        return
+    if lacking := [each for each in ("width", "height", "focal") if not element.values[each]]:
+        text = f"the camera sees nothing: it needs {' and '.join(f'`{each}`' for each in lacking)}"
+        yield Nonsense("without-effect", lacking[0], text)
 
 
 def _turns(element: Element) -> Iterator[Nonsense]:
