@@ -62,11 +62,11 @@ def test_a_free_joint_is_refused_with_the_name_of_its_body(convert: Convert) -> 
 
 
 def test_numbers_of_a_converted_scene_are_not_inexact(convert: Convert, tmp_path: Path) -> None:
-    limited = '<joint type="slide" limited="true" range="-.07 .11"/>'
-    convert(mjcf(f'<body>{limited}<geom type="box" size=".03 .33 .03"/></body>')).save(tmp_path / "arm.xml")
+    limited = '<joint type="slide" limited="true" range="-2.01 .11"/>'
+    convert(mjcf(f'<body>{limited}<geom type="capsule" size=".03 .3"/></body>')).save(tmp_path / "arm.xml")
     text = (tmp_path / "arm.xml").read_text()
-    assert 'size="660,60,60"' in text
-    assert 'min="-70" max="110"' in text
+    assert 'size="60,660,60"' in text
+    assert 'min="-2010" max="110"' in text
 
 
 def test_a_height_field_is_left_out(convert: Convert, capsys: pytest.CaptureFixture[str]) -> None:
