@@ -50,7 +50,7 @@ Arc = tuple[float, float, float, float, float]
 
 
 def arc(speed: Three, time: float) -> Arc:
-    """What some seconds of constant speed do to a base."""
+    """The motion of a base at a constant speed, `time` in s."""
     ahead, aside, turn = speed
     half = turn * time / 2
     chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
@@ -58,7 +58,7 @@ def arc(speed: Three, time: float) -> Arc:
 
 
 def along(pose: Three, motion: Arc) -> Three:
-    """Where a base is that began at a pose: exact."""
+    """The exact pose of a base after a motion that begins at `pose`."""
     (x, z, turned), (ahead, aside, half, chord, turn) = pose, motion
     sine, cosine = sin(turned + half), cos(turned + half)
     return (

@@ -1,4 +1,4 @@
-"""The spec of a scene, which is edited for the scene after it: a copy would take a fifth of the time of an edit."""
+"""The description of a scene in MuJoCo, `MjSpec`, which is edited in place: to copy it takes a fifth of an edit."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ import numpy as np
 
 
 class Draft:
-    """A spec, which belongs to one scene at a time, and how to undo its last edit.
+    """A spec, and how to undo its last edit. It describes one scene at a time: an edit makes it that of the next scene.
 
     An edit may be rejected after the spec was changed; then the next edit undoes it first. A removal cannot be undone:
-    a geom that is added again comes last in the order of geoms, which decides about the last bits of contacts. So the
-    spec is copied before a removal that may be rejected. The spec of several worlds is copied, too, and never changed.
+    a geom that is added again comes last in the order of geoms, and that order changes the last bits of contacts. So
+    the spec is copied before a removal that may be rejected. A spec that several worlds share is copied, never changed.
     """
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
         self.spec = spec
         self.is_shared = False
-        """Whether several worlds have it."""
+        """Whether several worlds have this spec."""
         self._mark: object = None
-        """That of the scene to which it belongs; None: of the first one that asks for it."""
+        """Identifies the scene that it describes; None before the first call of `taken` or `begin`."""
         self._undo: list[Callable[[], None]] | None = []
-        """What leads back to the scene before, last step first; None: nothing does."""
+        """The steps of the last edit, to be undone in reverse order; None if the edit cannot be undone."""
 
     def taken(self, mark: object, *, keeps: bool) -> Self | None:
-        """A draft with the spec of a scene, to be changed for the scene after it; None if that spec is lost.
+        """The draft to edit for the scene that follows the scene of `mark`; None if the spec of that scene is lost.
 
-        With `keeps`, it can be used for this scene again if the change is rejected.
+        With `keeps`, the draft is a copy, so that the spec of that scene remains if the edit is rejected.
         """
         if self.is_shared:
             return type(self)(self.spec.copy())
@@ -42,11 +42,11 @@ class Draft:
         return type(self)(self.spec.copy()) if keeps else self
 
     def begin(self, mark: object) -> None:
-        """From now on, it belongs to another scene."""
+        """From now on, it describes the scene of `mark`."""
         self._mark, self._undo = mark, []
 
     def will_add(self, name: str) -> None:
-        """Prepare for a geom that is about to be added."""
+        """Note that a geom of this name is about to be added, so that this can be undone."""
 
         def undo() -> None:
             if (geom := self.spec.geom(name)) is not None:
@@ -56,7 +56,7 @@ class Draft:
             self._undo.append(undo)
 
     def set(self, geom: mujoco.MjsGeom, values: Mapping[str, Any]) -> None:
-        """Change a geom."""
+        """Change attributes of a geom. This can be undone."""
         before = {key: np.array(getattr(geom, key)) for key in values}
 
         def undo() -> None:
@@ -67,7 +67,7 @@ class Draft:
         _set(geom, values)
 
     def remove(self, name: str) -> None:
-        """Remove a geom."""
+        """Remove a geom. This cannot be undone."""
         self._undo = None
         self.spec.delete(self.spec.geom(name))
 

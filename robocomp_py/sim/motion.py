@@ -32,10 +32,10 @@ _AT_ONCE = 200
 """The most ticks for which the noise of a base is computed at once."""
 
 _SIGHT = 1.0
-"""How far shapes are looked for that may stop a base, m."""
+"""The distance within which a base looks for obstacles, m."""
 
 _LEAST_ROOM = 0.01
-"""Where a base has less room than this, all shapes near to it are looked at in each tick, m."""
+"""With less room than this, a base checks all near obstacles in each tick, m."""
 
 _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
@@ -238,7 +238,7 @@ class Motion(State):
             drive.corrected = along(drive.corrected, wheels) if is_corrected else drive.odometry
 
     def _goes_on(self, base: Base, drive: Drive, count: int) -> bool:
-        """Whether it is sure that a base moves for some ticks, neither told to stop nor too far away."""
+        """Whether a base certainly moves on for `count` ticks: its command does not expire, and `FARTHEST` is far."""
         expires, speed = drive.expires, drive.speed
         if not any(speed) or (expires is not None and self._ticks + count > expires) or base.name in self._noise:
             return False
@@ -247,7 +247,7 @@ class Motion(State):
 
     def _goes(self, base: Base, before: Three, after: Three) -> bool:
         """Put a base elsewhere, unless something stops it."""
-        if self._is_free_to(base, before, after):
+        if self._move_freely(base, before, after):
             return True
         depths = self._depths(base.name)
         self._place(base, after)
@@ -257,8 +257,8 @@ class Motion(State):
         self._note_room(base)
         return True
 
-    def _is_free_to(self, base: Base, before: Three, after: Three) -> bool:
-        """Whether a base is known to be so far from all that stops it that it may go; it is elsewhere then."""
+    def _move_freely(self, base: Base, before: Three, after: Three) -> bool:
+        """Move a base if all obstacles are known to be farther away than it moves. Returns whether it was moved."""
         room = self._rooms.get(base.name)
         if room is None or room.at != self._data.qpos.tobytes():
             return False
@@ -271,7 +271,7 @@ class Motion(State):
         return True
 
     def _note_room(self, base: Base) -> None:
-        """Note how far a base may go from where it is, whatever it does, before it could touch something."""
+        """Note how far a base may move from where it is, in any direction, before it can touch an obstacle."""
         places, depths = self._deep[base.name]
         nearest = min(depths.values(), default=_SIGHT)
         if nearest < _LEAST_ROOM:

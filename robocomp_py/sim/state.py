@@ -53,12 +53,12 @@ class Saved:
 
 
 class Room(NamedTuple):
-    """How far a base is from all that stops it."""
+    """The distance of a base from the obstacles that stop it."""
 
     at: bytes
     """The vector of positions there."""
     left: float
-    """No shape of it is nearer to one of those, m."""
+    """No shape of the base is nearer to an obstacle, m."""
     reach: float
     """From its origin to the farthest point of its shapes, m."""
 
@@ -136,7 +136,7 @@ class State:
         self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
         """By base: the vector of positions when `_depths` were computed last, and what they were."""
         self._rooms: dict[str, Room] = {}
-        """By base: how far it may go without a look at what might stop it."""
+        """By base: how far it may move before it has to check obstacles."""
         self._touches = {name: Touch(tree, name, self._scene) for name in self._touching}
         if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER

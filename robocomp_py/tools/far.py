@@ -1,4 +1,4 @@
-"""Topics and queries of other hosts, by their scouts. What they tell comes from outside, and is checked."""
+"""Topics and queries of other hosts, through the scouts there. Their answers come from outside, and are checked."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .thrown import ThrownError
 from .traffic import Arrival
 
 _SPARE = 10.0
-"""Seconds beyond its deadline in which the outcome of a call has come from its host."""
+"""Seconds after the deadline of a call in which its outcome arrives from the other host."""
 
 
 class Message(NamedTuple):
@@ -30,7 +30,7 @@ class Message(NamedTuple):
     """When it arrived, in seconds since 1970."""
     channel: str
     message: Any
-    """As JSON; a text that says why, if it cannot be decoded."""
+    """As JSON, or a text that says why it cannot be decoded."""
     dropped: int
     """Messages that arrived since the last one and did not fit."""
     sent: float | None
@@ -42,7 +42,7 @@ class Message(NamedTuple):
 
 
 class Far:
-    """Takes messages, decoded there, and passes them on."""
+    """Takes messages that scouts have decoded, and passes them on."""
 
     def __init__(
         self, take: Callable[[str, Message], object], miss: Callable[[int], object], full: bool = True
@@ -103,8 +103,8 @@ class _Clocked:
     def __init__(self, far: FarArrivals, host: str, names: frozenset[str], take: Callable[[Arrival], object]) -> None:
         self._far, self._host, self._names, self._take = far, host, names, take
         self._ahead: float | None = None
-        """Seconds by which the clock here is ahead of the one there, and which the first answer took. It stays, so that
-        intervals are those of the clock there."""
+        """Seconds to add to times of the clock there: its offset, and the time that the first answer took. The value
+        stays the same, so that intervals are measured by the clock there."""
 
     def __call__(self, answer: Answer | RobocompError) -> None:
         match answer:
@@ -149,7 +149,7 @@ class FarLink:
         self._lock = threading.RLock()  # a sink may close this link
         self._is_closed = False
         self.stats = Statistics()
-        """`lost` are messages that did not come here, on whatever part of their way, as far as numbers tell."""
+        """`lost` counts messages that did not arrive here, by gaps in the numbers of their publishers."""
         self.error: RobocompError | None = None
         """Why nothing comes any more."""
         self.open()
@@ -188,7 +188,7 @@ class FarLink:
                 self.error = self.error or ended(self._post.host, answer)
 
     def _note(self, source: int, sequence: int, stamp: int, place: int, parts: int, data: str) -> None:
-        """A part of a message has come. Parts whose predecessors are missing are left out, and so is their message."""
+        """Take a part of a message. If a part is missing, those after it are ignored, and so is their message."""
         if place == 0:
             self._parts, self._size = [], 0
         elif place != len(self._parts):
@@ -220,7 +220,7 @@ class FarLink:
 
 
 def _named(topics: Sequence[Channel]) -> dict[str, Any]:
-    """What a question for topics has."""
+    """The fields that name topics in a question."""
     used = dict.fromkeys(middleware for each in topics for middleware in each.middlewares)
     over = [each.middlewares[0] for each in topics]
     return {"channels": [each.name for each in topics], "over": over, "middlewares": list(used)}
@@ -232,14 +232,14 @@ def _note(lost: dict[str, RobocompError], host: str, answer: Answer | RobocompEr
 
 
 def ended(host: str, answer: Answer | RobocompError) -> RobocompError | None:
-    """What an answer that is not expected means; None if it is to be ignored."""
+    """The error that an unexpected answer means; None if the answer is to be ignored."""
     if isinstance(answer, RobocompError):
         return answer
     return ScoutError(f"{host}: {answer['error']}") if "error" in answer else None
 
 
 def asked(channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
-    """Have the scout of a channel call its query; returns the outputs. A command has none.
+    """Let the scout of a channel call its query, or send its command. Returns the outputs; a command has none.
 
     Raises ThrownError, and ScoutError if the call fails otherwise.
     """

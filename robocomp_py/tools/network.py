@@ -61,7 +61,7 @@ class End:
     via: Post | None = field(default=None, compare=False)
     """The scout that tells of it; None if this process sees it itself."""
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    """With which this process opens its middleware."""
+    """The options with which this process opens its middleware."""
     untold: Untold | None = field(default=None, compare=False)
     """What is known of its contract besides the text."""
 
@@ -114,7 +114,7 @@ class Channel:
 
     @property
     def middlewares(self) -> list[str]:
-        """Those over which it can be reached: of its providers, else of its users."""
+        """The middlewares over which it can be reached: those of its providers, or of its users if it has none."""
         via = self.via
         return list(dict.fromkeys(each.middleware for each in self.providers or self.users if each.via is via))
 
@@ -131,17 +131,18 @@ class Channel:
 
     @property
     def hosts(self) -> list[str]:
-        """Those that provide it, by their names."""
+        """The hosts that provide it, by their names."""
         found: dict[int, str] = {}
         for each in self.providers:  # of one process, not every end may tell its host
             found[each.told.pid] = found.get(each.told.pid) or each.host
         return list(dict.fromkeys(found.values()))
 
     def each_way(self, is_open: Callable[[Channel], bool] = lambda each: False) -> list[Channel]:
-        """This channel over each of the few ways that together reach all of its providers. A way is one middleware,
-        from here or through one scout.
+        """The smallest number of ways, found step by step, that together reach all of its providers.
 
-        Ways that are open already are left out, and so is what they reach. A channel without providers has one way.
+        Each way is a channel with the providers that it reaches: over one middleware, from here or through one scout.
+        Ways for which `is_open` returns True are left out, and no other way is added for the providers that they reach.
+        A channel without providers has one way.
         """
         ways: dict[tuple[Post | None, str], list[End]] = {}
         for each in self.providers:
@@ -160,12 +161,12 @@ class Channel:
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """With which this process opens the first of its middlewares."""
+        """The options with which this process opens the first of its middlewares."""
         return next((each.options for each in self.providers or self.users if each.via is None), {})
 
     @property
     def ways(self) -> list[Way]:
-        """Those that together reach all of its users, each process once; without users, that of a provider."""
+        """The ways that together reach all of its users, each process once; without users, the way to a provider."""
         nearest = {_process(each): each for each in reversed(self.users or self.providers[:1])}
         found: list[Way] = []
         for each in reversed(nearest.values()):
@@ -218,7 +219,7 @@ class Running:
 
 
 class Network:
-    """All channels, and who uses them."""
+    """All channels, and the programs that use them."""
 
     def __init__(self, every: Iterable[End], *, own: bool = False) -> None:
         """With `own`, the interfaces of the framework belong to it, too."""
@@ -272,7 +273,7 @@ class Network:
         return found
 
     def undefined(self) -> dict[int, str]:
-        """The fingerprints of contracts of which nothing announces the text, each with the name of its interface."""
+        """The fingerprints of contracts whose text no program announces, each with the name of its interface."""
         return {
             fingerprint: channel.interface
             for channel in self.channels.values()
@@ -281,7 +282,7 @@ class Network:
         }
 
     def define(self, texts: Mapping[int, str]) -> None:
-        """Complete ends that do not announce their contract, by its fingerprint."""
+        """Give ends that announce only the fingerprint of their contract its text."""
         for channel in self.channels.values():
             channel.ends = [_defined(each, texts) for each in channel.ends]
 

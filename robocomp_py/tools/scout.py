@@ -14,15 +14,15 @@ standard output, objects of JSON, one a line, and ends with its input:
     {"id": 1, "do": "publish", "channel": "…", "arguments": {…}, "within": 5, "rate": 20, "most": 100,
         "latched": false, "keep": false}
                                                          publish to subscribers of a topic
-    {"id": 1, "do": "clock"}                             what time it is there
+    {"id": 1, "do": "clock"}                             what time it is on this host
     {"id": 1, "do": "leftovers", "middlewares": ["shm"]}
                                                          what killed processes have left
     {"id": 1, "do": "machine", "middlewares": ["shm"], "processes": [10, 11]}
                                                          limits and space, and what these processes use
     {"id": 1, "do": "cease"}                             end the question with this number
-    {"id": 0, "do": "took", "octets": 300000}            go on with octets: so much of them was taken
+    {"id": 0, "do": "took", "octets": 300000}            the tool has taken this number of octets: send more
 
-A question may have `"options"` by the names of middlewares: with these they are opened, as components there do.
+A question may have `"options"`, by the names of middlewares: the scout opens these with them, as components there do.
 
     {"id": 1, "ends": […], "texts": {…}}                 some ends, as `told_in` reads them, and contracts not sent yet
     {"id": 1, "tellers": ["shm"], "troubles": […]}       which middlewares could tell, and what went wrong
@@ -109,7 +109,7 @@ class Scout:
         self._place = _Place()
 
     def ask(self, question: Message) -> None:
-        """Answer a question soon. One that is not understood gets an error."""
+        """Start to answer a question. The answer to one that is not understood is an error."""
         number, do = question.get("id"), question.get("do")
         if not isinstance(number, int):
             return
@@ -134,7 +134,7 @@ class Scout:
         start_thread(thread)
 
     def close(self) -> None:
-        """End all questions, and wait for that."""
+        """End all questions, and wait until their threads have ended."""
         with self._lock:
             asked = list(self._asked.values())
         for _, over in asked:
@@ -183,7 +183,7 @@ class _Place:
         return self._found(question, lambda network: network.topic(str(question["channel"])))
 
     def _found(self, question: Message, find: Callable[[Network], Channel]) -> Channel:
-        """What a census has that is not older than a second, or else a new one. Raises ValueError."""
+        """What `find` finds in a census that is at most a second old, or else in a new one. Raises ValueError."""
         key = tuple(_middlewares(question))
         with self._lock:
             at, network = self._seen.get(key, (0.0, None))
@@ -196,7 +196,7 @@ class _Place:
 
 
 class _Window:
-    """How much may be sent before the tool has taken some of it."""
+    """The number of octets that may be sent before the tool has taken some of them."""
 
     def __init__(self) -> None:
         self._open = threading.Condition()
@@ -208,7 +208,7 @@ class _Window:
             self._open.notify_all()
 
     def wait(self, octets: int, over: threading.Event) -> bool:
-        """Wait until so much may be sent. False if the question is over before."""
+        """Wait until this number of octets may be sent. Returns False if the question ends before."""
         with self._open:
             while self._free < octets:
                 if over.is_set():
@@ -286,7 +286,7 @@ def _octets(place: _Place, question: Message, answer: Answer, over: threading.Ev
             try:
                 data = memoryview(convert(message.payload))
             except (DecodeError, EncodeError):
-                continue  # its number is missing over there
+                continue  # the tool notices that its number is missing
             parts = max(1, math.ceil(len(data) / _PART))
             for at in range(parts):
                 text = base64.b64encode(data[at * _PART : (at + 1) * _PART]).decode()
@@ -364,7 +364,7 @@ def _topics(question: Message) -> list[Channel]:
 
 
 def _over(middleware: str, topic: Channel) -> Channel:
-    """A topic over one middleware."""
+    """A topic over one middleware. Raises ValueError."""
     ends = [each for each in topic.providers or topic.users if each.middleware == middleware]
     if not ends:
         raise ValueError(f"nothing publishes {topic.name} over {middleware}")

@@ -1,4 +1,4 @@
-"""Listens to topics of a running network, at no cost of its publishers."""
+"""Listens to topics of a running network. No publisher waits for it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _AGAIN = 2.0
 """Seconds between two attempts to hear a lost host."""
 
 _FAR = 64 * 1024
-"""Octets that a message which a scout has decoded counts for."""
+"""Octets that count for a message that a scout has decoded, whatever its size."""
 
 
 class Presence(NamedTuple):
@@ -54,7 +54,7 @@ class Presence(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """A host is not heard any more, and the other subscriptions go on. It is tried again and again."""
+    """A host is not heard any more. The subscriptions on other hosts go on, and this one is tried again."""
 
     host: str
     why: str
@@ -74,20 +74,20 @@ class Resumed(NamedTuple):
 
 
 Show = Callable[[Payload], Any]
-"""What a payload is as JSON; a text that says why, if it cannot be decoded."""
+"""Makes JSON of a payload, or a text that says why the payload cannot be decoded."""
 
 
 class _Arrived(NamedTuple):
     time: float
     channel: str
     heard: Heard | Message
-    """A message if a scout has decoded it."""
+    """A `Message` if a scout has decoded it."""
     octets: int
     show: Show | None
 
 
 class Inbox:
-    """Messages that wait, bounded in number and octets. It never holds up the thread that receives."""
+    """Messages that wait, bounded in number and octets. `put` never blocks; a message that does not fit is dropped."""
 
     def __init__(self, most: int) -> None:
         self._waiting: queue.Queue[_Arrived] = queue.Queue(most)
@@ -96,7 +96,7 @@ class Inbox:
         self._dropped = 0
 
     def put(self, channel: str, heard: Heard | Message, show: Show | None = None) -> None:
-        """`show` is needed for what `message` is to show."""
+        """`show` decodes the payload of a `Heard`; without it, the message has no content."""
         size = _FAR if isinstance(heard, Message) else octets_of(heard.payload)
         with self._lock:
             if isinstance(heard, Message):
@@ -109,7 +109,7 @@ class Inbox:
             self._dropped += 1
 
     def miss(self, number: int) -> None:
-        """Some messages were lost on their way here."""
+        """Count messages that were lost on their way here as dropped."""
         with self._lock:
             self._dropped += number
 
@@ -128,11 +128,11 @@ class Inbox:
 def tapped(
     topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
 ) -> Generator[Message | Presence | Lost | Back, None, None]:
-    """The messages of these topics, for `whole` seconds or for ever; none if the `first` one does not come in time.
+    """The messages of these topics, for `whole` seconds or for ever. Ends if none comes in the `first` seconds.
 
-    A topic may be there several times, as its `subscriptions`. Whether topics are published is noticed while no message
-    comes. Unless `full`, messages from other hosts may be shortened. Raises what has gone wrong once nothing is heard
-    any more.
+    A topic may be given several times, once for each way of `Channel.each_way`. Whether topics are published is only
+    checked while no message comes. Unless `full`, messages from other hosts may be shortened. Raises the error of a
+    subscription when no subscription is left.
     """
     inbox, span = Inbox(DEPTH * len(topics)), Span(first, whole)
     published: dict[tuple[str, str], bool] = {}
@@ -178,7 +178,7 @@ class Tap:
         """The hosts that are not heard any more."""
 
     def take(self, timeout: float) -> Message | None:
-        """The next message; None if none comes in time. Raises what has gone wrong once nothing is heard any more."""
+        """The next message; None if none comes in time. Raises an error when no subscription is left."""
         self.lost.extend(self._subscriptions.losses())
         found = self._inbox.get(timeout)
         return _message(*found) if found else None
@@ -199,9 +199,9 @@ def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
 def arrivals(
     topics: Sequence[Channel], *, first: float, whole: float | None
 ) -> Iterator[Arrival | Lost | Back | Resumed | None]:
-    """The arrivals of new messages, as long as `tapped`; None whenever a while passes without one.
+    """The arrivals of new messages, for as long as `tapped`; None whenever 0.1 s pass without one.
 
-    While the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
+    If the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
     """
     waiting: queue.SimpleQueue[Arrival | Resumed] = queue.SimpleQueue()
     span = Span(first, whole)
@@ -217,7 +217,7 @@ def arrivals(
             waiting.put(Arrival(channel, time.monotonic(), size, heard.source, heard.sequence, age))
 
     def resumed() -> None:
-        waiting.put(Resumed(time.monotonic()))  # these are as many as a user types
+        waiting.put(Resumed(time.monotonic()))  # not bounded: only a user who types causes them
 
     with _listening(subscriptions := _Subscriptions(topics, note, resumed, latched=False, far=FarArrivals(put))):
         while span.goes_on():
@@ -235,7 +235,7 @@ def arrivals(
 
 
 class Span:
-    """How long to listen: `whole` seconds, or for ever unless nothing is heard in the `first` seconds."""
+    """How long to listen: `whole` seconds. If that is None, for ever, but only `first` seconds if nothing is heard."""
 
     def __init__(self, first: float, whole: float | None) -> None:
         self._end = time.monotonic() + (whole or first)
@@ -274,11 +274,10 @@ class _Subscriptions:
         far: Far | FarArrivals,
         latched: bool = True,
     ) -> None:
-        """`take` gets the name of a channel, a message and what shows its payload; unless `latched`, only messages that
-        are sent from now on.
+        """`take` gets the name of a channel, a message, and the function that shows its payload.
 
-        `resumed` is called when this process goes on after a stop, before the first message. `far` takes what is heard
-        on other hosts.
+        Unless `latched`, it gets only messages that are sent from now on. `resumed` is called when this process goes on
+        after a stop, before the first message. `far` takes the messages of other hosts.
         """
         self._topics = [each for each in topics if each.via is None]
         self._take, self._resumed = take, resumed
@@ -290,12 +289,12 @@ class _Subscriptions:
         self._following: dict[Post, contextlib.ExitStack] = {}
         self._access: Access | None = None
         self._links: list[tuple[str, Subscription]] = []
-        self._told: set[str] = set()
-        """The lost hosts that `losses` has told, and that are not back."""
+        self._reported: set[str] = set()
+        """The lost hosts that `losses` has yielded, and that are not back."""
         self._changing = threading.Lock()
         """Held while subscriptions are opened or closed."""
         self._again = 0.0
-        """When lost hosts are to be tried again."""
+        """When to try lost hosts again, by `time.monotonic()`."""
         self._wanted: queue.SimpleQueue[None] = queue.SimpleQueue()
         """Gets an item when this process is to stop, or the subscriptions are to end.
 
@@ -315,28 +314,28 @@ class _Subscriptions:
         self._wanted.put(None)
 
     def check(self) -> None:
-        """Raise what has gone wrong with any subscription."""
+        """Raise the error of a subscription if there is one."""
         if error := self._error or next(reversed(self._far.lost.copy().values()), None):
             raise error
 
     def losses(self) -> Iterator[Lost]:
-        """The hosts that were lost since the last call. Raises what has gone wrong once nothing is heard any more."""
+        """The hosts that were lost since the last call. Raises an error when no subscription is left."""
         lost = self._far.lost
         if self._error or (lost and not self._topics and all(post.host in lost for post in self._posts)):
             self.check()
         for host, error in lost.copy().items():
-            if host not in self._told:
-                self._told.add(host)
+            if host not in self._reported:
+                self._reported.add(host)
                 yield Lost(host, str(error))
         if lost and time.monotonic() > self._again:
             self._again = time.monotonic() + _AGAIN
             self._try_again()
 
     def is_back(self, host: str) -> bool:
-        """Whether a host that is heard was told to be lost; once."""
-        was_lost = host in self._told and host not in self._far.lost
+        """Whether `losses` has yielded this host, of which a message has come. True only once for each loss."""
+        was_lost = host in self._reported and host not in self._far.lost
         if was_lost:
-            self._told.discard(host)
+            self._reported.discard(host)
         return was_lost
 
     def _try_again(self) -> None:
@@ -383,7 +382,7 @@ class _Subscriptions:
     def _listen(self) -> None:
         self._access = access = Access()
         self._far.lost.clear()
-        self._told.clear()
+        self._reported.clear()
         for topic in self._topics:
             sink = self._sink(topic.name, _show(topic, access.codec(topic)))
             heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
