@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import tomllib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -19,7 +19,7 @@ from ..transports.deployment import deployment_of
 from ..transports.permissions import OPERATOR
 from ..transports.runtime_folder import runtime_dir
 from .census import Seen, check_names, of_programs, take_census, take_each
-from .network import Channel, Network
+from .network import Channel, End, Network
 
 if TYPE_CHECKING:
     from .posts import Line, Post
@@ -102,7 +102,9 @@ class Hosts(Closing):
         """As `take_census`. What cannot be asked on another host is told, once."""
         if not self.posts:
             self.lost = {}
-            return take_census(middlewares, own=own, options=self._options)
+            chosen = self._others is not None
+            network = take_census(middlewares, own=own or chosen, options=self._options)
+            return Network(self._looked_at(network.ends), own=own) if chosen else network
         check_names(middlewares)
         if self.here:
             here = list(take_census(middlewares, own=True, options=self._options).ends)
@@ -119,7 +121,7 @@ class Hosts(Closing):
         here = take_each(middlewares, self._options) if self.here else Seen()
         if not self.posts:
             self.lost = {}
-            return here
+            return replace(here, ends=self._looked_at(here.ends))
         if not self.here:
             here = Seen(of_programs(middlewares, self._options))
         seen, lost = self._merged(here, middlewares)
@@ -137,10 +139,16 @@ class Hosts(Closing):
 
         there, lost = survey(self.posts, middlewares)
         self.lost = lost
-        looked_at = {*([""] if self.here else ()), *(each.host for each in self.posts)}
-        near = [each for each in here.ends if each.host in looked_at]
+        near = self._looked_at(here.ends)
         ends = merged(near, there.ends, self._host_of, lambda name: bool(deployment_of(name).directory))
         return Seen(ends, {**here.tellers, **there.tellers}, [*here.troubles, *there.troubles]), lost
+
+    def _looked_at(self, ends: Iterable[End]) -> list[End]:
+        """Without programs of hosts that are left out: a network on this host describes those of all its hosts."""
+        if self._others is None:
+            return list(ends)
+        hosts = {*self._others, *([""] if self.here else ())}
+        return [each for each in ends if each.host in hosts]
 
     def _post(self, network: str, host: str, options: Options) -> Post:
         from .posts import Post  # a tool on a single host does without
