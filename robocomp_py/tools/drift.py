@@ -145,6 +145,12 @@ class _Comparison:
         ours = plan["ours"]
         self._prefixes = {str(name): str(each["channels"]) for name, each in ours.items()}
         self._over = {name: [str(one).partition(" ")[0] for one in ours[name]["over"]] for name in self._prefixes}
+        served = [each for programs in plan.get("programs", ()) for each in programs["serve"]]
+        self._described: dict[str, set[str]] = {}
+        """The channels of programs that announce nothing, by the instance: nothing else of them can be seen."""
+        for each in served:
+            self._described.setdefault(str(each["instance"]), set()).add(str(each["channel"]))
+            self._prefixes[str(each["instance"])] = str(each["owner"])
         self._hosts = {str(name): str(each["host"]) for each in plan["processes"] for name in each["instances"]}
         self._names = [str(name) for each in plan["processes"] for name in each["instances"]]
         providers = self._providers()
@@ -223,6 +229,9 @@ class _Comparison:
 
     def _presence_of_use(self, client: str, provider: str, channels: Sequence[str], middleware: str) -> Presence:
         """Of an action, it is enough if one of its channels is connected."""
+        described = self._described.get(provider)
+        if client in self._described or (described is not None and described.isdisjoint(channels)):
+            return Presence.UNSEEN
         ends = {self._presence(client), self._presence(provider)}
         if Presence.MISSING in ends:
             return Presence.MISSING

@@ -71,6 +71,20 @@ def test_what_is_on_a_host_that_is_looked_at_is_missed_there() -> None:
     assert set(uses.values()) == {Presence.UNSEEN}
 
 
+def test_of_a_program_that_announces_nothing_only_what_it_serves_is_compared() -> None:
+    asks = way("world", "hand", "hand/Everything/divide")
+    of = plan(DIVIDE, HEARD, asks)
+    del of["ours"]["world"]
+    served = {"instance": "world", "owner": "world", "channel": "world/Everything/divide"}
+    of["programs"] = [{"middleware": "near", "options": {}, "serve": [served]}]
+    instances, uses = presences(WORLD, HAND, EYE, *THERE[1:], of=of)
+    assert set(instances.values()) == {Presence.PRESENT}
+    unseen = {LISTENED: Presence.UNSEEN, ("world", "hand/Everything/divide", "hand"): Presence.UNSEEN}
+    assert uses == unseen | {CALLED: Presence.PRESENT}
+    assert presences(WORLD, *THERE[1:], of=of)[1] == unseen | {CALLED: Presence.MISSING}
+    assert presences(HAND, *THERE[1:], of=of)[0]["world"] is Presence.UNSEEN
+
+
 def test_processes_of_two_hosts_may_have_one_number() -> None:
     of = plan(DIVIDE, HEARD, hosts={"eye": "robot"})
     eye = [replace(each, host="robot", told=each.told._replace(pid=1)) for each in (EYE, THERE[2])]
