@@ -284,7 +284,7 @@ def check_one_host(what: str, channels: Iterable[Channel]) -> None:
     """Raise Wrong for what is served under one name on several hosts: a call would reach any of them."""
     from ..spelling import enumerated
 
-    hosts = list(dict.fromkeys(host for each in channels for host in each.hosts))
+    hosts = list(dict.fromkeys(host for each in channels for host in each.hosts))  # "" is this machine
     if len(hosts) > 1:
         named = enumerated(sorted(each or "this machine" for each in hosts))
         raise Wrong(f"{what} is served on {named}; choose one with --host {max(hosts)}")

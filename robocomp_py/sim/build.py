@@ -175,7 +175,7 @@ class Building:
     """Of a model that is drawn."""
     grounds: Grounds = field(default_factory=Grounds)
     mark: object = field(default_factory=object)
-    """By which the draft knows it."""
+    """Identifies this scene for the draft."""
 
     @property
     def spec(self) -> mujoco.MjSpec:
@@ -431,7 +431,10 @@ def _shapes_of(tree: Tree, model: mujoco.MjModel) -> tuple[tuple[str, ...], NDAr
 def _shapes_after(
     before: Scene, building: Building, changed: Set[str], added: Sequence[str]
 ) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
-    """The same of a scene in which only what stands still has changed: what is new follows what the world has."""
+    """The same for the scene after `before`, in which only nodes that do not move have changed.
+
+    MuJoCo puts added geoms behind the other geoms of the world body.
+    """
     tree, known = building.tree, before.made_by.fixed
     shapes, stops, end = list(before.shapes), before.stops.tolist(), int(before.model.body_geomnum[0])
     for name in changed:
@@ -455,8 +458,8 @@ def _stops(tree: Tree, name: str) -> bool:
 def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None, *, is_final: bool = False) -> Scene | None:
     """The scene of another tree, if only what stands still has changed; else None: `build` makes it.
 
-    It takes a tenth of the time, since the parts that are the same are not made again. `is_final` tells that `scene` is
-    needed no longer if nodes are removed and nothing else is changed. Raises InnerModelError.
+    It takes a tenth of the time, since the parts that are the same are not made again. With `is_final`, an edit that
+    only removes nodes may leave `scene` unusable, which saves a copy. Raises InnerModelError.
     """
     before = scene.made_by
     changed = before.tree.differences(tree)

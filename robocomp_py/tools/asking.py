@@ -98,7 +98,7 @@ def watch(
 ) -> None:
     """Let a component publish its calls, its log records, or both, for `lease` seconds; see `tools.leases`.
 
-    Of several of one name, on several hosts, all are asked. Raises the same as `set_log_level` if none of them does.
+    If components on several hosts have this name, all are asked. If all fail, raises the same as `set_log_level`.
     """
     asked = _required(network, component, "watch").each_way()
     errors: list[RobocompError] = []

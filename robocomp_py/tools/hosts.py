@@ -60,7 +60,7 @@ class Hosts(Closing):
         self._visited: Options = {}
         """Of the middlewares in which tools take part as an operator."""
         self._told: set[str] = set()
-        """The clashes of names that were told."""
+        """The warnings of clashing names that were given."""
         self.posts: Sequence[Post] = ()
         self.lost: Mapping[str, str] = {}
         """The hosts that the last look could not ask, and why."""
@@ -240,7 +240,7 @@ def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:
 
 
 def network_of_hosts(plans: Mapping[str, Any]) -> tuple[Mapping[str, str], Sequence[str]]:
-    """The networks of hosts, each by its name; and what to tell of names that mean different hosts."""
+    """The network of each host, by the name of the host; and a warning for each name that means different machines."""
     found: dict[str, tuple[str, str]] = {}
     clashes = []
     for network, plan in plans.items():
@@ -249,8 +249,8 @@ def network_of_hosts(plans: Mapping[str, Any]) -> tuple[Mapping[str, str], Seque
             before, other = found.get(name, (network, address))
             if address != other:
                 clashes.append(
-                    f"host {name} of {before} is not looked at, since it is another one than that of {network}; "
-                    f"choose it with --network {before}"
+                    f"host {name} of {before} is left out, because {name} of {network} is another machine; "
+                    f"look at it with --network {before}"
                 )
             found[name] = network, address
     return {name: network for name, (network, _) in found.items()}, clashes

@@ -110,7 +110,7 @@ def test_lock_step_is_as_virtual_time(middleware: str, own_runtime_folder: Any) 
     assert in_lockstep(middleware) == in_virtual_time()[0]
 
 
-# What the conformance class shows of transports, in virtual time.
+# The rules that the conformance class tests for transports, in virtual time.
 
 
 class Mate(Captain):
@@ -219,7 +219,7 @@ def test_callbacks_are_called_before_the_wait_ends() -> None:
     assert mate.entries == ["called with 3 at 80", "3 at 80"]
 
 
-def test_the_end_of_a_server_ends_its_goals_and_then_there_is_nobody() -> None:
+def test_the_end_of_a_server_ends_its_goals_and_further_ones_are_unreachable() -> None:
     ships: list[Ship] = []
 
     class Sinking(Ship):

@@ -160,7 +160,7 @@ def test_a_component_is_run_until_it_ends(arm: Path) -> None:
 
 
 def edited(component: Path, later: float) -> None:
-    """Let an imported interface change, which is in another folder, so many seconds after the code was generated."""
+    """Change an imported interface in another folder, `later` seconds after the code was generated."""
     made = (component / "generic" / "genericworker.py").stat().st_mtime
     interface = component.parent / "idsl" / "Arm.idsl"
     interface.write_text("module RoboCompArm { interface Arm { void move(float to, float speed); }; };")

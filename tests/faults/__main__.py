@@ -88,7 +88,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--over", action="append", metavar="MIDDLEWARE", help="only over these")
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6), help="repeat a run")
     parser.add_argument("--reduced", action="store_true", help="a few rounds of each; no times are judged")
-    parser.add_argument("--frames", type=int, default=0, metavar="N", help="so many malformed frames")
+    parser.add_argument("--frames", type=int, default=0, metavar="N", help="number of malformed frames")
     parser.add_argument("--write", action="store_true", help="write what is found to docs/explanation/fault-matrix.md")
     return parser.parse_args(arguments)
 

@@ -33,14 +33,19 @@ class _Relay:
         self.port = self._listener.getsockname()[1]
         self.connections = 0
         self._open: list[socket.socket] = []
-        threading.Thread(target=self._accept).start()
+        self._accepting = threading.Thread(target=self._accept, name="relay")
+        self._accepting.start()
+        self._passing: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._listener.shutdown(socket.SHUT_RDWR)
+        self._accepting.join()
         self.reset()
+        for each in self._passing:
+            each.join()
 
     def reset(self) -> None:
         """Reset all connections, at both ends."""
@@ -58,7 +63,8 @@ class _Relay:
                 self._open += [client, router]
                 self.connections += 1
                 for ends in ((client, router), (router, client)):
-                    threading.Thread(target=_pass_on, args=ends).start()
+                    self._passing.append(threading.Thread(target=_pass_on, args=ends, name="relay of a connection"))
+                    self._passing[-1].start()
 
 
 def _pass_on(source: socket.socket, target: socket.socket) -> None:

@@ -92,7 +92,7 @@ def _lost(history: list[Event], subscriber: str) -> int:
 
 
 def _tapped(run: Run, count: int = 1) -> Result:
-    """So many taps of a reliable topic are stopped at once for 10 s, and then killed."""
+    """`count` taps of a reliable topic are stopped at once for 10 s, and then killed."""
     seconds = run.rounds(10, 3)
     with run.laboratory() as laboratory:
         publisher, other = laboratory.start("p"), laboratory.start("other")

@@ -124,7 +124,7 @@ def test_a_name_of_different_hosts_is_told() -> None:
     assert network_of_hosts({"one": one, "two": one}) == ({"robot": "two"}, [])
     assert network_of_hosts({"one": one, "two": two}) == (
         {"robot": "two"},
-        ["host robot of one is not looked at, since it is another one than that of two; choose it with --network one"],
+        ["host robot of one is left out, because robot of two is another machine; look at it with --network one"],
     )
 
 
