@@ -33,9 +33,9 @@ class _Relay:
         self.port = self._listener.getsockname()[1]
         self.connections = 0
         self._open: list[socket.socket] = []
+        self._passing: list[threading.Thread] = []
         self._accepting = threading.Thread(target=self._accept, name="relay")
         self._accepting.start()
-        self._passing: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
         return self
