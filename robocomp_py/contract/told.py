@@ -26,37 +26,36 @@ _Members = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Untold:
-    """What the text of an operation does not say."""
+class Supplement:
+    """The parts of an operation that its text does not contain."""
 
     idempotent: bool = False
     confirm: bool = False
-    bases: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Of each exception with bases: these, the nearest first. `1 Trouble`: the number of all its fields, its name."""
+    bases: Mapping[str, tuple[tuple[str, int], ...]] = field(default_factory=dict)
+    """By the name of an exception: the name of each base and the number of all its fields, the nearest base first."""
 
 
-def untold(operation: Operation[Any]) -> Untold:
-    bases = {each.name: tuple(_spelt_bases(each)) for each in operation.raises if each.base}
-    return Untold(operation.idempotent, operation.confirm, bases)
+def supplement(operation: Operation[Any]) -> Supplement:
+    bases = {each.name: tuple(_bases(each)) for each in operation.raises if each.base}
+    return Supplement(operation.idempotent, operation.confirm, bases)
 
 
-def _spelt_bases(kind: ExceptionType) -> Iterator[str]:
+def _bases(kind: ExceptionType) -> Iterator[tuple[str, int]]:
     if kind.base:
-        yield f"{len(kind.base.all_fields)} {kind.base.name}"
-        yield from _spelt_bases(kind.base)
+        yield kind.base.name, len(kind.base.all_fields)
+        yield from _bases(kind.base)
 
 
-def completed(operation: Operation[Any], more: Untold) -> Operation[Any]:
-    """An operation that was made from its text, with what the text does not say. Raises ValueError."""
+def completed(operation: Operation[Any], more: Supplement) -> Operation[Any]:
+    """An operation that was made from its text, with the parts that the text does not contain. Raises ValueError."""
     raises = tuple(_with_bases(each, more.bases.get(each.name, ())) for each in operation.raises)
     return replace(operation, idempotent=more.idempotent, confirm=more.confirm, raises=raises)
 
 
-def _with_bases(kind: ExceptionType, bases: tuple[str, ...]) -> ExceptionType:
+def _with_bases(kind: ExceptionType, bases: tuple[tuple[str, int], ...]) -> ExceptionType:
     if not bases:
         return kind
-    number, _, name = bases[0].partition(" ")
-    at = int(number)
+    name, at = bases[0]
     base = _with_bases(ExceptionType(_named(name), kind.fields[:at]), bases[1:])
     return ExceptionType(kind.name, kind.fields[at:], base)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..contract.interface import Pattern, Verb
-from ..contract.told import Untold
+from ..contract.told import Supplement
 from ..transports.network import Helper, Way
 from .asjson import to_json
 from .policy import Escalation
@@ -89,8 +89,8 @@ class Served:
     fingerprint: int
     text: str
     """Its contract."""
-    untold: Untold
-    """The rest of it."""
+    supplement: Supplement
+    """What the text does not contain."""
 
 
 @dataclass(frozen=True)

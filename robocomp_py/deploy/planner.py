@@ -18,7 +18,7 @@ from ..contract.component import Component, Port
 from ..contract.interface import Pattern, Verb
 from ..contract.middleware import AUTO, carrier, generated_for
 from ..contract.parameters import Complaint, ParameterSet
-from ..contract.told import untold
+from ..contract.told import supplement
 from ..dsl.cdsl.qos import read_qos as qos_of
 from ..dsl.ddsl.hosts import check_ports
 from ..dsl.ddsl.model import Deployment, Instance
@@ -213,7 +213,7 @@ class _Planner:
                     continue
                 for operation, pattern in port.interface.under(port.verb):
                     channel = "/".join((part.channels, segment, operation.name))
-                    contract = operation.fingerprint, operation.text, untold(operation)
+                    contract = operation.fingerprint, operation.text, supplement(operation)
                     found.append(Served(each.name, each.channels, channel, pattern, *contract))
                     at[channel] = place
             if found:

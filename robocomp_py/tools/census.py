@@ -89,7 +89,7 @@ def of_programs(middlewares: Sequence[str], options: Mapping[str, Mapping[str, A
             each.told,
             each.host,
             options={**(options or {}).get(each.middleware, {}), **each.options},
-            untold=each.untold,
+            supplement=each.supplement,
         )
         for each in described()
         if not middlewares or each.middleware in middlewares

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..contract import told
 from ..contract.interface import Operation, Pattern
 from ..contract.qos import DEFAULT_QOS, QoS, from_traits
-from ..contract.told import Untold
+from ..contract.told import Supplement
 from ..errors import RobocompError
 from ..printable import one_line
 from ..spelling import closest
@@ -62,7 +62,7 @@ class End:
     """The scout that tells of it; None if this process sees it itself."""
     options: Mapping[str, Any] = field(default_factory=dict, compare=False)
     """The options with which this process opens its middleware."""
-    untold: Untold | None = field(default=None, compare=False)
+    supplement: Supplement | None = field(default=None, compare=False)
     """What is known of its contract besides the text."""
 
     @property
@@ -191,7 +191,7 @@ class Channel:
             raise NotUnderstood(
                 f"nothing announces the contract of {self.name}; its IDSL file has it: rc info {self.name} -I DIR"
             )
-        more = next((each.untold for each in self.providers if each.untold), None)
+        more = next((each.supplement for each in self.providers if each.supplement), None)
         try:
             return told.completed(_understood(text), more) if more else _understood(text)
         except ValueError as exc:

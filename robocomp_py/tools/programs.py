@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..contract.told import Untold
+from ..contract.told import Supplement
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from ..transports.census import Told
 from ..transports.runtime_folder import runtime_dir
@@ -25,7 +25,7 @@ class Described(NamedTuple):
     instance: str
     middleware: str
     told: Told
-    untold: Untold
+    supplement: Supplement
     host: str
     """Where its program runs, by the name in its network; "" for this host."""
     options: Mapping[str, Any]
@@ -63,7 +63,7 @@ def _read(plan: Path, inode: int, changed: int) -> tuple[Described, ...]:
             each["instance"],
             str(programs["middleware"]),
             _told(each),
-            _untold(each["untold"]),
+            _supplement(each["supplement"]),
             hosts[each["instance"]],
             dict(programs["options"]),
         )
@@ -77,9 +77,11 @@ def _told(each: Mapping[str, Any]) -> Told:
     return Told(str(each["owner"]), 0, role, str(each["channel"]), int(each["fingerprint"]), str(each["text"]))
 
 
-def _untold(each: Mapping[str, Any]) -> Untold:
-    bases = {str(name): tuple(map(str, those)) for name, those in each["bases"].items()}
-    return Untold(bool(each["idempotent"]), bool(each["confirm"]), bases)
+def _supplement(each: Mapping[str, Any]) -> Supplement:
+    bases = {
+        str(name): tuple((str(base), int(number)) for base, number in those) for name, those in each["bases"].items()
+    }
+    return Supplement(bool(each["idempotent"]), bool(each["confirm"]), bases)
 
 
 def _of(plan: Path, *, asks: bool) -> Iterator[Described]:

@@ -27,7 +27,7 @@ def test_with_what_its_text_does_not_say_an_operation_is_whole_again() -> None:
     middle = ExceptionType("M::Middle", (Field("place", STRING),), base)
     kinds = (ExceptionType("M::Last", (Field("number", INT32),), middle), middle, base)
     operation: Operation[object] = Operation("M::I", "do", raises=kinds, idempotent=True, confirm=True)
-    found = told.completed(told.operation(operation.text), told.untold(operation))
+    found = told.completed(told.operation(operation.text), told.supplement(operation))
     assert (found.raises, found.idempotent, found.confirm) == (kinds, True, True)
     assert found.fingerprint == operation.fingerprint
 

@@ -17,7 +17,7 @@ _SLUG_AT = {
     "_warning": 0,
     "Diagnostic": 0,
     "Fault": 0,
-    "Nonsense": 0,
+    "Implausible": 0,
     "_find": 1,
     "_check_names": 2,
     "Complaint": 2,

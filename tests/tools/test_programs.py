@@ -36,7 +36,7 @@ def served(instance: str) -> dict[str, Any]:
         "pattern": "query",
         "fingerprint": OPERATION.fingerprint,
         "text": OPERATION.text,
-        "untold": {"idempotent": False, "confirm": False, "bases": {}},
+        "supplement": {"idempotent": False, "confirm": False, "bases": {}},
     }
 
 
@@ -62,7 +62,7 @@ def test_a_program_is_listed_on_its_host(capsys: pytest.CaptureFixture[str]) -> 
     assert listed(capsys, "--host", "base") == {"saw": "base"}
 
 
-@pytest.mark.parametrize("serve", [None, [{}], [served("mill") | {"untold": 7}], [served("nowhere")]])
+@pytest.mark.parametrize("serve", [None, [{}], [served("mill") | {"supplement": 7}], [served("nowhere")]])
 def test_what_is_not_understood_in_a_plan_is_left_out(network: elsewhere.Network, serve: object) -> None:
     describe(network, serve)
     assert described() == []

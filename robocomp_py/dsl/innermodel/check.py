@@ -11,7 +11,7 @@ from ...innermodel.read import Document, Element, Place, Problem, ReadFile, ever
 from ..diagnostics import Diagnostic, Report, Severity
 from ..nearby import nearby
 from ..source import Source, Span
-from .nonsense import is_colour, nonsense
+from .implausible import implausible, is_colour
 
 ENDING = ".xml"
 
@@ -58,7 +58,7 @@ def check(path: Path, reading: ReadFile, report: Report) -> None:
 
     read_otherwise = {(each.place.path, each.place.start) for each in model.problems}
     for element in every(model.elements):
-        for problem in nonsense(element):
+        for problem in implausible(element):
             span = at(element, problem.attribute)
             if (element.document.path, element.spans.get(problem.attribute, (-1, -1))[0]) not in read_otherwise:
                 report.extend([Diagnostic(problem.code, problem.message, span, problem.severity, problem.hint)])

@@ -19,8 +19,8 @@ _WHOLE_TURN = 6.3
 
 
 @dataclass(frozen=True, slots=True)
-class Nonsense:
-    """What is wrong with an attribute, or with the whole element, if it does not have that attribute."""
+class Implausible:
+    """A problem of an attribute; of the whole element if that does not have the attribute."""
 
     code: str
     attribute: str
@@ -29,8 +29,8 @@ class Nonsense:
     severity: Severity = Severity.WARNING
 
 
-def nonsense(element: Element) -> Iterator[Nonsense]:
-    """What cannot be meant in an element, its children not included."""
+def implausible(element: Element) -> Iterator[Implausible]:
+    """The implausible values of an element, without those of its children."""
     for check in (_limits, _rays, _lens, _turns, _size, _colour, _file, _id):
         yield from check(element)
 
@@ -40,7 +40,7 @@ def is_colour(text: str) -> bool:
     return bool(re.fullmatch("#[0-9A-Fa-f]{6}", text))
 
 
-def _limits(element: Element) -> Iterator[Nonsense]:
+def _limits(element: Element) -> Iterator[Implausible]:
     if not {"min", "max"} <= element.written.keys() or _negative(element):
         return
     low, high = number_of(element.written["min"]), number_of(element.written["max"])
@@ -50,7 +50,7 @@ def _limits(element: Element) -> Iterator[Nonsense]:
         is_wrong, relation = high < low, "more"
     if is_wrong:
         text = f"`min` is {low:g}, {relation} than `max`, which is {high:g}"
-        yield Nonsense("wrong-value", "min", text, "the smaller one is `min`", Severity.ERROR)
+        yield Implausible("wrong-value", "min", text, "the smaller one is `min`", Severity.ERROR)
 
 
 def _negative(element: Element) -> list[str]:
@@ -59,59 +59,59 @@ def _negative(element: Element) -> list[str]:
     return [each for each in ("min", "max") if is_laser and number_of(element.values[each]) < 0.0]
 
 
-def _rays(element: Element) -> Iterator[Nonsense]:
+def _rays(element: Element) -> Iterator[Implausible]:
     for name in _negative(element):
-        yield Nonsense("wrong-value", name, f"`{name}` is negative", severity=Severity.ERROR)
+        yield Implausible("wrong-value", name, f"`{name}` is negative", severity=Severity.ERROR)
     if element.tag.name == "laser" and number_of(element.values["measures"]) > 1 and not element.values["angle"]:
-        yield Nonsense("without-effect", "angle", "all rays of the laser point ahead: `angle` is 0")
+        yield Implausible("without-effect", "angle", "all rays of the laser point ahead: `angle` is 0")
 
 
-def _lens(element: Element) -> Iterator[Nonsense]:
+def _lens(element: Element) -> Iterator[Implausible]:
     if element.tag.name not in ("rgbd", "camera"):
         return
     if lacking := [each for each in ("width", "height", "focal") if not element.values[each]]:
         text = f"the camera sees nothing: it needs {' and '.join(f'`{each}`' for each in lacking)}"
-        yield Nonsense("without-effect", lacking[0], text)
+        yield Implausible("without-effect", lacking[0], text)
 
 
-def _turns(element: Element) -> Iterator[Nonsense]:
+def _turns(element: Element) -> Iterator[Implausible]:
     for name in _ROTATIONS & element.written.keys():
         value = number_of(element.written[name])
         if abs(value) > _WHOLE_TURN:
             meant = written(math.radians(value))
             text = f"`{name}` is in rad, and {value:g} is more than a whole turn"
-            yield Nonsense("in-degrees", name, text, f"did you mean `{meant}`?")
+            yield Implausible("in-degrees", name, text, f"did you mean `{meant}`?")
 
 
-def _size(element: Element) -> Iterator[Nonsense]:
+def _size(element: Element) -> Iterator[Implausible]:
     if "size" not in element.written:
         return
     numbers = numbers_of(element.written["size"])
     if numbers.count(0.0) >= max(1, len(numbers) - 1):
         text = f"nothing of the {element.tag.name} is seen: of its width, height and depth, at most one may be 0"
-        yield Nonsense("without-effect", "size", text)
+        yield Implausible("without-effect", "size", text)
 
 
-def _colour(element: Element) -> Iterator[Nonsense]:
+def _colour(element: Element) -> Iterator[Implausible]:
     text = str(element.written.get("texture", ""))
     if not text.startswith("#") or is_colour(text) or found_file(text, element.document.path.parent, {}):
         return
     is_short = re.fullmatch("#[0-9A-Fa-f]{3}", text)
     meant = "#" + "".join(2 * each for each in text[1:])
     hint = f"did you mean `{meant}`?" if is_short else "write six digits of 0 to 9 and a to f, such as `#3366cc`"
-    yield Nonsense("wrong-colour", "texture", f"`{text}` is no colour; the {element.tag.name} is grey", hint)
+    yield Implausible("wrong-colour", "texture", f"`{text}` is no colour; the {element.tag.name} is grey", hint)
 
 
-def _file(element: Element) -> Iterator[Nonsense]:
+def _file(element: Element) -> Iterator[Implausible]:
     if element.tag.name == "mesh" and not str(element.values["file"]).strip():
         text = "<mesh> has no `file`; a component that simulates the scene needs it"
-        yield Nonsense("missing-mesh", "file", text)
+        yield Implausible("missing-mesh", "file", text)
 
 
-def _id(element: Element) -> Iterator[Nonsense]:
+def _id(element: Element) -> Iterator[Implausible]:
     is_provided = element.values.get("measures") != 0 and element.values.get("width") != 0
     if element.tag.name in DEVICES and is_provided and element.id.strip() and not is_segment(element.id):
         meant = re.sub("[^A-Za-z0-9_-]", "_", element.id)
         meant = meant if is_segment(meant) else f"_{meant}"
         text = f"`{element.id}` cannot be the name of an instance, as a component that simulates the scene needs it"
-        yield Nonsense("unfit-id", "id", text, f"did you mean `{meant}`?")
+        yield Implausible("unfit-id", "id", text, f"did you mean `{meant}`?")
