@@ -1,4 +1,4 @@
-"""Finds contracts that programs announce by their fingerprints alone, in the IDSL files of the user."""
+"""Finds contracts in IDSL files of the user, for programs that announce only fingerprints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Definitions:
-    """Finds each contract once, also if it is not found.
+    """Searches for each contract once, even if it is not found.
 
     Files are searched for in the current folder, in `include` and where imports are searched for. Only those are read
     that name a wanted interface.
@@ -24,7 +24,7 @@ class Definitions:
         self._texts: dict[int, str] = {}
 
     def complete(self, network: Network) -> Network:
-        """Give ends of channels of which nothing announces the contract the text of it. Returns the network."""
+        """Add the texts of contracts that no program announces. Returns the network."""
         wanted = network.undefined()
         if new := {each: name for each, name in wanted.items() if each not in self._texts}:
             self._texts |= dict.fromkeys(new, "") | _found(new, self._include)

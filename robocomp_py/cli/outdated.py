@@ -1,4 +1,4 @@
-"""Whether generated code is that of its models as they are now.
+"""Checks whether generated code is up to date with its models.
 
 `rcdeploy` refuses such components; `rc run` and `rc lint` warn of them.
 """
@@ -26,7 +26,7 @@ _TOGETHER = 1.0
 
 
 def message(name: str, lines: Sequence[str]) -> str:
-    """What is told of a component, with `lines` of its files."""
+    """The message about a component, with `lines` about its files."""
     return "\n  ".join((f"`{name}` is not generated from its models as they are now", *lines))
 
 
@@ -68,8 +68,8 @@ def warn_of(path: Path, workspace: Workspace) -> None:
 def warn(folder: Path) -> None:
     """Print a warning if a component that is about to run was generated from other models.
 
-    They are only read if one of them is newer than the generated code, because that takes longer than the start of a
-    component.
+    Models are only read if one of them is newer than the generated code, since to read them takes longer than to start
+    a component.
     """
     model = None
     with contextlib.suppress(OSError, ValueError):  # the start of the component tells what is wrong with the folder

@@ -143,7 +143,7 @@ class NamedInstances(Mapping[str, T]):
 
     @property
     def absent(self) -> list[str]:
-        """The names that the network declares, and that are not there."""
+        """The names that the network declares and that were not added."""
         return sorted(set(self._offered or ()) - set(self._entries))
 
     def remove(self, name: str) -> None:

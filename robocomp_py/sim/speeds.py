@@ -44,7 +44,7 @@ def speed_of(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> tuple[
 
 
 def _speed(model: mujoco.MjModel, data: mujoco.MjData, body: int, away: Array) -> tuple[Array, Array]:
-    """Those of a point that is `away` from the origin of a body, m."""
+    """The velocity and the turning of a point that is `away` from the origin of a body, m."""
     found = np.empty(6)
     mujoco.mj_objectVelocity(model, data, _BODY, body, found, 0)
     turning = found[:3]

@@ -56,7 +56,7 @@ class Room(NamedTuple):
     """The distance of a base from the obstacles that stop it."""
 
     at: bytes
-    """The vector of positions there."""
+    """The vector of positions for which this holds, `qpos`."""
     left: float
     """No shape of the base is nearer to an obstacle, m."""
     reach: float
@@ -125,7 +125,7 @@ class State:
     def _equip(self, parameters: Parameters, before: Scene | None = None, *, is_final: bool = False) -> None:
         """Make the model of the tree, from the scene before it if that is enough, and the devices in it.
 
-        About `is_final` see `rebuilt`.
+        For `is_final`, see `rebuilt`.
         """
         tree = self._tree
         made = rebuilt(before, tree, parameters, is_final=is_final) if before else None

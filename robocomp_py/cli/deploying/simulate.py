@@ -47,13 +47,13 @@ Exit status: 0 fine, 1 wrong input, a component failed, or runs differ, 2 usage,
 """
 
 _SLICE = 0.25
-"""Most virtual seconds between two looks at the clock on the wall."""
+"""Longest time between two looks at real time, in virtual seconds."""
 
 _AHEAD = 0.02
-"""Most seconds that a run with a `--speed` is ahead of the clock on the wall."""
+"""Longest time that a run with a `--speed` is ahead of real time, in seconds."""
 
 _LEAST = 1e-6
-"""Least virtual seconds between two looks."""
+"""Shortest time between two looks, in virtual seconds."""
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
@@ -201,7 +201,7 @@ class _InVirtualTime(logging.Filter):
         return True
 
     def _speaker(self, logger: str) -> str:
-        """A component in a system logs by its own name, which those of other systems may have, too."""
+        """The whole name of the component that logs. Components of other systems may log by the same name."""
         if logger in self._names:
             return logger
         meant = [each for each in self._names if each.endswith(f"/{logger}")]
@@ -238,7 +238,7 @@ def _check(options: argparse.Namespace) -> int:
         code = max(codes, key=abs)
         if code not in (FINE, WRONG) or not (first.exists() and second.exists()):
             return code
-        return _compare(first, second) or code  # what fails in each run the same way may be compared, too
+        return _compare(first, second) or code  # runs that fail alike are compared, too
 
 
 def _command(options: argparse.Namespace, trace: Path) -> list[str]:

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 log = logging.getLogger("robocomp.sim")
 
 SLOW = 2.0
-"""mm/s. If its first speed is slower than this, a base was probably told metres."""
+"""mm/s. A first speed below this was probably meant in m/s."""
 
 _NOTHING = 0.01
-"""mm/s: slower than any speed in metres, such as what rounding leaves of 0."""
+"""mm/s. Lower speeds count as 0: they come from rounding."""
 
 
 def state(world: World, base: str) -> dict[str, Any]:

@@ -169,7 +169,7 @@ class CameraRGBDSimpleHandler(_CameraHandler):
 
 
 _COLOURED, _DEEP = {"rgbMatrix", "color"}, {"distanceMatrix", "depth", "points", "pointStream"}
-"""Results of RGBD."""
+"""The results of operations of RGBD that need colours, and those that need distances."""
 
 
 class RGBDHandler(_CameraHandler):
@@ -312,8 +312,8 @@ class DisplayHandler(InstanceHandler):
 class CameraPublication:
     """Publishes what a camera sees, on each of its topics that is heard.
 
-    A picture is drawn once, into the memory that is sent if no other topic and no client of the camera needs it. Those
-    for which there is no time are left out.
+    A picture is drawn once. If no other topic and no client needs it, it is drawn into the memory that is sent. A
+    picture is left out while the one before it is drawn.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -349,17 +349,17 @@ def _publish(heard: Sequence[_Topic], canvas: _Canvas, renderer: Renderer) -> No
 
 @dataclass(frozen=True)
 class _Canvas:
-    """What is drawn of a camera."""
+    """A picture of a camera at a moment, which topics share."""
 
     camera: Camera
     view: View
     time: int
     """ms."""
     kept: Part
-    """What other topics, or calls, need of it."""
+    """The parts that further topics, or calls, may need."""
 
     def fill(self, renderer: Renderer, colours: Pixels | None, depths: Depths | None) -> None:
-        """Write it to arrays."""
+        """Write the picture to arrays; what is None is left out."""
         camera = self.camera
         given = (renderer, self.view, camera.node.id, self.time)
         camera.studio.fill(*given, colours=colours, depths=depths, kept=self.kept)
@@ -377,7 +377,7 @@ class _Topic:
         self._arrays = list(zip(inspect.signature(self._loan).parameters, fields, strict=False))
         """The arguments of the loan, and the names of the fields that they are the shapes of."""
         self.parts = Part.COLOURS | Part.DEPTHS if "depth" in fields else Part.COLOURS
-        """What is published."""
+        """The parts that are published."""
         self._is_broken = False
         self._told = ""
         """Why the last picture was not published; "" if it was."""

@@ -26,7 +26,7 @@ _KEPT = 8
 
 
 class Part(Flag):
-    """What a picture consists of. Each takes time."""
+    """The parts of a picture. Each takes time to draw."""
 
     COLOURS = auto()
     DEPTHS = auto()
@@ -68,9 +68,9 @@ class Studio:
         self._latest: dict[str, tuple[View, Shot]] = {}
         """By camera."""
         self._asked: dict[str, Part] = {}
-        """What was asked of each camera so far: a client that asks for one part after the other has one picture."""
+        """By camera: the parts that calls have asked for, so that a client that asks in turn has one picture."""
         self._keeps: dict[str, int] = {}
-        """By camera: how many publications are still kept for calls."""
+        """By camera: how many of the next publications are kept for calls."""
 
     def do(self, job: Callable[[Renderer], T]) -> Future[T]:
         """Let a job draw, after those before it."""
@@ -94,7 +94,7 @@ class Studio:
             return drawing.result(LONGEST)
 
     def wanted(self, camera: str) -> Part:
-        """The parts of the picture that is about to be published which a call may ask for, too."""
+        """The parts that a call may ask for of the picture that is about to be published."""
         left = self._keeps.get(camera, 0)
         if not left:
             return Part(0)
@@ -131,7 +131,7 @@ class Studio:
         return shot if before and shot and parts in shot.parts and before.is_like(view) else None
 
     def _drawn(self, renderer: Renderer, view: View, camera: str, time: int, parts: Part) -> Shot:
-        """The picture of a view, in the thread that draws: what was drawn while the caller waited is known."""
+        """Draw the picture of a view, in the thread that draws, unless that happened while the caller waited."""
         if known := self._known(view, camera, parts):
             return known
         height, width = renderer.shape(view, camera)

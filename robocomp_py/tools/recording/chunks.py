@@ -1,7 +1,7 @@
 """Writes one MCAP file. Large messages are not copied: they go to the file from where they are.
 
-The writer of the library copies each message three times, which took a quarter of a core at 180 MB/s. What is rare is
-written by the records of the library: schemas, channels, attachments and the summary.
+The writer of the library copies each message three times, which took a quarter of a core at 180 MB/s. Its records
+still write what is rare: schemas, channels, attachments and the summary.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ CHUNK = 1024 * 1024
 MAGIC = b"\x89MCAP0\r\n"
 
 _LARGE = CHUNK // 4
-"""Octets of a message from which on it is not copied. It is held until its chunk is written, so these are few."""
+"""A message of at least this number of octets is not copied, but held until its chunk is written."""
 
 _SAMPLE = 32 * 1024
 """Octets that are compressed to find out whether a large message becomes smaller."""
 
 _WORTH = 0.95
-"""The compressed part of a sample from which on a chunk is written as it is."""
+"""If samples keep at least this part of their size, their chunk is not compressed."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode · length · channel · sequence · log time · publish time
 _CHUNK = struct.Struct("<BQQQQI")  # opcode · length · first log time · last · octets · their CRC-32
@@ -133,7 +133,7 @@ class McapFile:
         self._put(record)
 
     def flush(self) -> None:
-        """Write what there is of the present chunk, unless it is without messages."""
+        """Write the present chunk, unless it has no messages."""
         if self._indexes:
             self._end_chunk()
 

@@ -1,6 +1,6 @@
 """Checks, after each change of its connections, that the other routers still answer this router.
 
-Zenoh 1.10 loses what it knows in two ways when two routers connect again:
+When two routers connect again, one of two errors of Zenoh 1.10 may occur:
 
 - The new connection may be removed together with the old one, as for clients: see `hearing`.
 - A router tells a new neighbour what its clients have declared when it has computed its routes. If it computes them
@@ -49,7 +49,7 @@ class Neighbours(Closing):
         self._changed, self._stopped = threading.Event(), threading.Event()
         self._changed.set()  # some may be connected already
         self.answered: set[str] = set()
-        """Routers that have ever answered. Others may be programs that never do, such as `zenohd`."""
+        """Routers that have answered at least once. Others may never answer, such as `zenohd`."""
         session.declare_queryable(_key(str(session.info.zid())), direct(_answer), complete=True)
         self._listener = session.info.declare_transport_events_listener(direct(self._on_event))
         self._thread = threading.Thread(target=self._watch, name="zenoh neighbours")
@@ -71,7 +71,8 @@ class Neighbours(Closing):
             try:
                 self._ask_all()
             except zenoh.ZError:
-                return  # the session is closed
+                log.debug("routers are no longer asked", exc_info=True)  # the session is closed
+                return
             except Exception:
                 log.exception("asking other routers")
 

@@ -62,7 +62,7 @@ _LEASE_MS = 2000
 """Milliseconds after which a hung process counts as gone."""
 
 _WAIT = "transport/link/tx/queue/congestion_control/block/wait_before_close"
-"""Microseconds in which a message that must arrive has to be taken by a peer. Then the connection is closed.
+"""Microseconds for which a reliable message waits for a peer that does not read. Then the connection is closed.
 
 While a router waits for a reader, it does not read from the sender. If that takes as long as the lease, the router
 gives up the sender, too, and its messages are lost for all readers. A router waits for one reader after the other, so
