@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 import zenoh
@@ -20,16 +20,6 @@ _ON_AND_ON = 10**6
 """Questions: routes may take longer than a few."""
 
 
-class _Counting(Neighbours):
-    """Counts its questions."""
-
-    asked = 0
-
-    def _answers(self, router: str) -> bool:
-        self.asked += 1
-        return super()._answers(router)
-
-
 class Other:
     """Another router, which connects to the first one."""
 
@@ -38,6 +28,8 @@ class Other:
         everything.callback(self.session.close)
         self.lost = 0
         """Connections that have ended."""
+        self.asked = 0
+        """Questions that it was asked, since `answer` or `listen`."""
         self._listener = self.session.info.declare_transport_events_listener(self._on_event)
 
     @property
@@ -46,8 +38,18 @@ class Other:
 
     def answer(self) -> zenoh.Queryable[None]:
         """Answer until it is undeclared."""
-        key = f"{QUESTION}/{self.session.info.zid()}"
-        return self.session.declare_queryable(key, lambda query: query.reply(query.key_expr, b""))
+        return self._hear(lambda query: query.reply(query.key_expr, b""))
+
+    def listen(self) -> None:
+        """Answer nothing."""
+        self._hear(lambda query: None)
+
+    def _hear(self, react: Callable[[zenoh.Query], None]) -> zenoh.Queryable[None]:
+        def take(query: zenoh.Query) -> None:
+            self.asked += 1
+            react(query)
+
+        return self.session.declare_queryable(f"{QUESTION}/{self.session.info.zid()}", take)
 
     def _on_event(self, event: zenoh.TransportEvent) -> None:
         self.lost += event.kind == zenoh.SampleKind.DELETE
@@ -70,15 +72,15 @@ def endpoint() -> str:
 
 
 @pytest.fixture
-def neighbours(endpoint: str, everything: contextlib.ExitStack) -> _Counting:
+def neighbours(endpoint: str, everything: contextlib.ExitStack) -> Neighbours:
     """Those of a first router, which listens at the endpoint."""
     session = open_router(endpoint)
     everything.callback(session.close)
-    return everything.enter_context(_Counting(session, _SOON, _ON_AND_ON))
+    return everything.enter_context(Neighbours(session, _SOON, _ON_AND_ON))
 
 
 def test_a_router_that_answers_no_longer_is_connected_again(
-    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack, caplog: pytest.LogCaptureFixture
+    neighbours: Neighbours, endpoint: str, everything: contextlib.ExitStack, caplog: pytest.LogCaptureFixture
 ) -> None:
     other = Other(endpoint, everything)
     answering = other.answer()
@@ -89,21 +91,23 @@ def test_a_router_that_answers_no_longer_is_connected_again(
 
 
 def test_a_router_that_answers_stays_connected(
-    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack
+    neighbours: Neighbours, endpoint: str, everything: contextlib.ExitStack
 ) -> None:
     other = Other(endpoint, everything)
     other.answer()
     wait_until(lambda: len(neighbours.answered) == 1)
-    wait_until(lambda: neighbours.asked > 2 * TRIES)
+    wait_until(lambda: other.asked > 2 * TRIES)
     assert other.lost == 0
 
 
 def test_a_router_that_has_never_answered_stays_connected(
-    neighbours: _Counting, endpoint: str, everything: contextlib.ExitStack
+    neighbours: Neighbours, endpoint: str, everything: contextlib.ExitStack
 ) -> None:
     other = Other(endpoint, everything)
-    wait_until(lambda: neighbours.asked > 2 * TRIES)
+    other.listen()
+    wait_until(lambda: other.asked > 2 * TRIES)
     assert other.lost == 0
+    assert not neighbours.answered
 
 
 def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack) -> None:
@@ -111,5 +115,5 @@ def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack
     sessions = [open_router(first), open_router(second, {"connect/endpoints": [first]})]
     for session in sessions:
         everything.callback(session.close)
-    both = [everything.enter_context(_Counting(session, _SOON, _ON_AND_ON)) for session in sessions]
+    both = [everything.enter_context(Neighbours(session, _SOON, _ON_AND_ON)) for session in sessions]
     wait_until(lambda: all(len(each.answered) == 1 for each in both))

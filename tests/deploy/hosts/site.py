@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 from robocomp_py.cli.rcgen import main as rcgen
@@ -32,6 +34,19 @@ def generate(root: Path, name: str, model: str, code: str, imports: str = "") ->
     text = worker.read_text()
     head = text[: text.index("    def ")].replace("from __future__ import annotations\n", f"{_FUTURE}\n{imports}\n")
     worker.write_text(head + code)
+
+
+@contextlib.contextmanager
+def laid_out(components: Path) -> Iterator[Site]:
+    """A site in a laboratory, of which nothing is left afterwards."""
+    short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
+    short.mkdir(mode=0o700)
+    try:
+        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
+            yield made
+        assert laboratory.left() == []
+    finally:
+        shutil.rmtree(short, ignore_errors=True)
 
 
 class Site:

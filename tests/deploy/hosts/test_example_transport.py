@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shutil
 import sys
 import tomllib
@@ -12,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.deploy.hosts.site import Site, gone
+from tests.deploy.hosts.site import Site, gone, laid_out
 from tests.deploy.hosts.test_several_hosts import components
-from tests.deploy.laboratory import Laboratory
 
 pytestmark = pytest.mark.tool
 
@@ -42,16 +39,11 @@ def site(tmp_path: Path, components: Path, monkeypatch: pytest.MonkeyPatch) -> I
     packages = tmp_path / "packages"
     install(packages)
     monkeypatch.setenv("PYTHONPATH", str(packages))
-    short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
-    short.mkdir(mode=0o700)
-    try:
-        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
-            made.of_hosts["PYTHONPATH"] = str(packages)
-            made.host("robot")
-            made.host("base")
-            yield made
-    finally:
-        shutil.rmtree(short, ignore_errors=True)
+    with laid_out(components) as made:
+        made.of_hosts["PYTHONPATH"] = str(packages)
+        made.host("robot")
+        made.host("base")
+        yield made
 
 
 @pytest.mark.parametrize("security", ["open", "lan"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from robocomp_py.testing.patience import wait_until
-from tests.deploy.hosts.site import LONG, Rcdeploy, Site, generate, gone
+from tests.deploy.hosts.site import LONG, Rcdeploy, Site, generate, gone, laid_out
 from tests.deploy.hosts.test_several_hosts import ECHO, ECHOING, IDSL
-from tests.deploy.laboratory import Laboratory
 
 pytestmark = pytest.mark.tool
 
@@ -30,14 +28,8 @@ def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def site(tmp_path: Path, components: Path) -> Iterator[Site]:
-    short = Path(f"/tmp/far-{os.getpid()}")  # paths of sockets have 107 bytes
-    short.mkdir(mode=0o700)
-    try:
-        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
-            yield made
-        assert laboratory.left() == []
-    finally:
-        shutil.rmtree(short, ignore_errors=True)
+    with laid_out(components) as made:
+        yield made
 
 
 def scouts(site: Site, name: str) -> list[int]:

@@ -7,17 +7,12 @@ a security. Needs root.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shlex
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from tests.deploy.hosts.site import LONG, Site, generate, gone
-from tests.deploy.laboratory import Laboratory
+from tests.deploy.hosts.site import LONG, Site, generate, gone, laid_out
 
 pytestmark = pytest.mark.tool
 
@@ -152,16 +147,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     for number, talks in ((1, "Talk"), (2, "Talk, Talk")):
         model = CLIENT % {"number": number, "talks": talks}
         generate(components, f"client{number}", model, CLIENTING, "from collections import Counter")
-    short = Path(f"/tmp/grid-{os.getpid()}")  # paths of sockets have 107 bytes
-    short.mkdir(mode=0o700)
-    try:
-        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
-            for name in ("robot", "base", "tower"):
-                made.host(name)
-            yield made
-        assert laboratory.left() == []
-    finally:
-        shutil.rmtree(short, ignore_errors=True)
+    with laid_out(components) as made:
+        for name in ("robot", "base", "tower"):
+            made.host(name)
+        yield made
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import re
-import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,8 +13,7 @@ import pytest
 from robocomp_py.tools.recording.reader import Recording
 from tests.actions import flight
 from tests.browser import browsing
-from tests.deploy.hosts.site import Site, generate, gone
-from tests.deploy.laboratory import Laboratory
+from tests.deploy.hosts.site import Site, generate, gone, laid_out
 
 pytestmark = pytest.mark.tool
 
@@ -100,14 +96,8 @@ def components(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def site(tmp_path: Path, components: Path) -> Iterator[Site]:
-    short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
-    short.mkdir(mode=0o700)
-    try:
-        with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
-            yield made
-        assert laboratory.left() == []
-    finally:
-        shutil.rmtree(short, ignore_errors=True)
+    with laid_out(components) as made:
+        yield made
 
 
 @pytest.mark.parametrize("middleware", ["zeromq", "zenoh", "dds"])
