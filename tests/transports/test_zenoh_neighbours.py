@@ -110,6 +110,14 @@ def test_a_router_that_has_never_answered_stays_connected(
     assert not neighbours.answered
 
 
+def test_a_router_is_known_to_answer_soon_after_it_connects(endpoint: str, everything: contextlib.ExitStack) -> None:
+    session = open_router(endpoint)
+    everything.callback(session.close)
+    neighbours = everything.enter_context(Neighbours(session, pause=1e6))
+    Other(endpoint, everything).answer()
+    wait_until(lambda: len(neighbours.answered) == 1)
+
+
 def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack) -> None:
     first, second = _free_endpoint(), _free_endpoint()
     sessions = [open_router(first), open_router(second, {"connect/endpoints": [first]})]

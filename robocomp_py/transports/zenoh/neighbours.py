@@ -33,6 +33,13 @@ log = logging.getLogger("robocomp.transport.zenoh")
 PAUSE = 1.0
 """Seconds between two questions to the same router."""
 
+_EARLY = 0.2
+"""Seconds from a change to a first question to routers that have not answered yet.
+
+Only routers that have answered are connected again, so the first answer must come before a connection is reset. Zenoh
+needs up to 0.1 s for its routes.
+"""
+
 TRIES, LOOKS = 3, 6
 """Questions in a row without an answer after which the connection is shut down, and questions after each change."""
 
@@ -78,17 +85,25 @@ class Neighbours(Closing):
 
     def _ask_all(self) -> None:
         """Ask each neighbour for a while, until a connection changes."""
+        if self._stopped.wait(_EARLY) or self._changed.is_set():
+            return
+        for router in self._routers():
+            if router not in self.answered:
+                self._answers(router)
         silent: Counter[str] = Counter()
         for _ in range(self._looks):
             if self._stopped.wait(self._pause) or self._changed.is_set():
                 return
-            for router in map(str, self._session.info.routers_zid()):
+            for router in self._routers():
                 if self._answers(router):
                     del silent[router]
                     continue
                 silent[router] += 1
                 if silent[router] == TRIES and router in self.answered:
                     self._connect_again(router)
+
+    def _routers(self) -> list[str]:
+        return [str(each) for each in self._session.info.routers_zid()]
 
     def _answers(self, router: str) -> bool:
         priority = zenoh.Priority.INTERACTIVE_HIGH
