@@ -301,8 +301,9 @@ def test_of_another_host_its_router_may_what_its_processes_may() -> None:
     here, there = (allowed(access_control(graph_of(plan), host, numbers)) for host in ("", "onboard"))
     assert set(here) == {"camera", "other", "router@onboard"}
     assert set(there) == {"viewer", "router@"}
-    assert here["router@onboard"] == there["viewer"]
-    assert there["router@"] == here["camera"] | here["other"]
+    routers = {f"{what} rc_router/*" for what in ("declare_queryable", "query", "reply")}
+    assert here["router@onboard"] == there["viewer"] | routers
+    assert there["router@"] == here["camera"] | here["other"] | routers
 
 
 # The operator.

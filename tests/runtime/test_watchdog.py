@@ -197,4 +197,4 @@ def test_the_load_is_what_was_since_it_was_read_last() -> None:
     assert tallies.take() == (0, 0.0)
     tally.count += 1
     tally.time(0.0, 0.05, 0.0)
-    assert tallies.take() == (1, 0.05)
+    assert tallies.take() == (1, pytest.approx(0.05))

@@ -153,7 +153,7 @@ def test_a_call_under_another_contract_gets_ours(transport: ZeroMQTransport, out
     reply, text = reply_of(socket)
     assert reply.status == Status.MISMATCH
     assert text.decode() == e.divide.text
-    assert link.stats.mismatched == 1
+    wait_until(lambda: link.stats.mismatched == 1)
 
 
 def test_a_repeated_request_is_not_executed_again(transport: ZeroMQTransport, outsider: Outsider) -> None:

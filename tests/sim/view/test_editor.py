@@ -123,7 +123,7 @@ def test_attributes_are_set_as_a_file_has_them(editor: Editor, scene: Path) -> N
     [
         ("transform", "tx", "left", "`tx` is `left`, which is no number"),
         ("transform", "tx", "nan", "no finite number"),
-        ("transform", "tx", "", "no number"),
+        ("transform", "tx", "", "`tx` is empty"),
         ("joint", "axis", "w", "`axis` is `x`, `y` or `z`, not `w`"),
         ("laser", "port", "70000", "whole number of at most 65535"),
         ("laser", "measures", "-1", "negative"),

@@ -95,5 +95,5 @@ def test_a_running_scene_is_shown_as_it_goes_on(tmp_path: Path) -> None:
 
 
 def test_it_is_told_if_nothing_simulates() -> None:
-    with pytest.raises(NotThere, match="no component that runs simulates a scene; `rc sim new` writes one"):
+    with pytest.raises(NotThere, match="no component that is ready simulates a scene; `rc sim new` writes one"):
         chosen(Network([]))
