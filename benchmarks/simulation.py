@@ -63,7 +63,7 @@ class Row:
     ours: float
     """µs of one; of plans, of all."""
     goal: str
-    """Nothing if there is none."""
+    """As the table shows it; "" for a row without a goal."""
     met: bool
     bare: float | None = None
     """µs of MuJoCo alone."""

@@ -1,4 +1,4 @@
-"""Texts of attributes that should be numbers, and what may be meant by those that are none."""
+"""Reads the numbers in attributes of a scene. For a text that is no number, it proposes one."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _meant(attribute: Attribute, text: str) -> str:
 
 
 def _one(attribute: Attribute, text: str) -> str:
-    """The number that is meant; nothing if that is not clear."""
+    """The number that is meant; "" if that is not clear."""
     if is_number(text):
         return text
     if found := _WITH_UNIT.fullmatch(text):

@@ -17,8 +17,9 @@ from ..wire import names
 from .balance import Balance, State
 from .cores import ANY_CORE, present_core
 from .handover import Handover
-from .links import Reaches, Seated
+from .links import LocalComponent, Reaches
 from .pace import Pace
+from .participants import UNKNOWN, LocalLink, Participant, link_to
 from .pollable import PollableEvent
 from .RoboCompClock import CLOCKCONTROL_INTERFACE, ClockState
 from .RoboCompLockstep import (
@@ -26,7 +27,6 @@ from .RoboCompLockstep import (
     LOCKSTEPLEADER_INTERFACE,
     LockstepFollowerProxy,
 )
-from .seats import UNKNOWN, Near, Seat, reached
 
 if TYPE_CHECKING:
     from ..runtime.settings import Settings
@@ -69,7 +69,7 @@ class Leader:
     may go on with it, and yields True if that loop is due.
     """
 
-    def __init__(self, settings: Settings, member: Seated, fail: Callable[[str], None]) -> None:
+    def __init__(self, settings: Settings, member: LocalComponent, fail: Callable[[str], None]) -> None:
         """`fail` ends the component: because a follower was lost, if its configuration says so."""
         assert settings.clock
         self._clock, self._patience = settings.clock, settings.startup_timeout
@@ -78,7 +78,7 @@ class Leader:
         self._order = {name: number for number, name in enumerate([member.instance, *order])}
         self._pace = Pace(self._clock.speed)
         self._now = 0
-        self._seats: list[Seat] = []
+        self._participants: list[Participant] = []
         self._are_quick = False
         """Whether questions to all of them take so little time that the loop may ask."""
         self._balance = Balance({})
@@ -120,7 +120,7 @@ class Leader:
         self._pace.close()
         self._news.set()
         self.handover.close()
-        for each in self._seats:
+        for each in self._participants:
             each.hang_up()
 
     # What followers ask.
@@ -133,7 +133,7 @@ class Leader:
 
     def LockstepLeader_hasJoined(self, instance: str) -> bool:
         with self._lock:
-            return instance in self._joining or any(each.name == instance for each in self._seats)
+            return instance in self._joining or any(each.name == instance for each in self._participants)
 
     def LockstepLeader_leave(self, instance: str) -> None:
         with self._lock:
@@ -145,7 +145,7 @@ class Leader:
     def ClockControl_state(self) -> ClockState:
         stand = self._pace.stand
         with self._lock:
-            followers = [each.name[1:] for each in self._seats if each.name != self._member.instance]
+            followers = [each.name[1:] for each in self._participants if each.name != self._member.instance]
         return ClockState(self._now, stand.speed, stand.paused, followers)
 
     def ClockControl_pause(self) -> None:
@@ -172,7 +172,7 @@ class Leader:
 
     def _wait_on(self, core: int) -> None:
         self._core = core
-        for each in self._seats:
+        for each in self._participants:
             if each.line:
                 each.line.core = core
 
@@ -195,7 +195,7 @@ class Leader:
             self._gather()
             with self._lock:
                 self._now = max([self._now, *self._joining.values()])  # from which the clock goes on
-            yield from self._seat_all([Seat(self._member.instance, Near(self._member))])
+            yield from self._start_together([Participant(self._member.instance, LocalLink(self._member))])
             self._pace.begin(self._now)
             while not self._closing.is_set():
                 yield from self._go_on()
@@ -209,7 +209,7 @@ class Leader:
 
     def _go_on(self) -> Course[None]:
         """To the next instant, if it is time."""
-        due = max(self._now, min(each.state.due for each in self._seats))
+        due = max(self._now, min(each.state.due for each in self._participants))
         is_same = not self._joining and not self._leaving
         self.is_for_loop = is_same and due != NEVER and self._pace.is_unbound and self._are_quick
         yield False
@@ -222,7 +222,7 @@ class Leader:
         if instant is not None:
             yield from self._tick(instant)
         elif not self._closing.is_set():
-            yield from self._look(self._seats, UNKNOWN)
+            yield from self._look(self._participants, UNKNOWN)
             self._is_level = False
 
     def _gather(self) -> None:
@@ -249,8 +249,8 @@ class Leader:
         with self._lock:
             joining, self._joining = self._joining, {}
             leaving, self._leaving = self._leaving, set()
-        kept = [each for each in self._seats if each.name not in joining and each.name not in leaving]
-        for each in self._seats:
+        kept = [each for each in self._participants if each.name not in joining and each.name not in leaving]
+        for each in self._participants:
             if each not in kept:
                 each.close()
         assert self._connections
@@ -258,38 +258,38 @@ class Leader:
         for name, now in joining.items():
             self._now = max(self._now, now)
             proxy, close = self._connections.reach(port, name)
-            kept.append(Seat(name, reached(proxy), close))
-        yield from self._seat_all(kept)
+            kept.append(Participant(name, link_to(proxy), close))
+        yield from self._start_together(kept)
 
-    def _seat_all(self, seats: Sequence[Seat]) -> Course[None]:
+    def _start_together(self, participants: Sequence[Participant]) -> Course[None]:
         """Go on with these components, all at the present instant."""
         last = len(self._order)
         with self._lock:
-            self._seats = sorted(seats, key=lambda each: (self._order.get(each.name, last), each.name))
-        self._are_quick, self._instants = all(each.is_quick for each in self._seats), 0
-        for each in list(self._seats):
-            yield from self._ask(each, each.asked.step, self._now)
+            self._participants = sorted(participants, key=lambda each: (self._order.get(each.name, last), each.name))
+        self._are_quick, self._instants = all(each.is_quick for each in self._participants), 0
+        for each in list(self._participants):
+            yield from self._ask(each, each.link.step, self._now)
         self._count_anew()
         yield from self._settle()
 
     def _tick(self, instant: int) -> Course[None]:
         self._now = instant
-        seats = list(self._seats)
+        participants = list(self._participants)
         if not self._is_level:
             self._is_level = True
             yield from self._settle()
         is_first = True
-        for each in seats:  # so that handlers see the time
+        for each in participants:  # so that handlers see the time
             if each.state.due > instant:
-                yield from self._ask(each, each.asked.step, instant)
+                yield from self._ask(each, each.link.step, instant)
             elif not is_first and each.name in self._receivers:
-                yield from self._ask(each, each.asked.tell, instant)
+                yield from self._ask(each, each.link.tell, instant)
             else:
                 is_first = False
-        for each in seats:
-            if each.state.due <= instant and each in self._seats:
+        for each in participants:
+            if each.state.due <= instant and each in self._participants:
                 before = each.state
-                yield from self._ask(each, each.asked.step, instant)
+                yield from self._ask(each, each.link.step, instant)
                 if self._is_outdated or not each.state.settled or each.state[2:] != before[2:]:
                     yield from self._settle()  # otherwise, nothing was sent and nothing was handled
 
@@ -298,23 +298,24 @@ class Leader:
         begun = moved = time.monotonic()
         told, looks = False, 0
         while not self._closing.is_set():
-            if any(each.state.version != each.version for each in self._seats):
-                same = {each.name for each in self._seats if 0 <= each.state.version - each.version < _CHANGES}
+            if any(each.state.version != each.version for each in self._participants):
+                same = {each.name for each in self._participants if 0 <= each.state.version - each.version < _CHANGES}
                 before = self._balance
                 self._count_anew()
                 self._balance.take_over(before, {name: each for name, each in self._numbers().items() if name in same})
             numbers = self._numbers()
             flows = self._balance.under_way(numbers)
             concerned = {name for flow in flows for name, _ in flow.concerned}
-            busy = [each for each in self._seats if not each.state.settled or each.name in concerned]
+            busy = [each for each in self._participants if not each.state.settled or each.name in concerned]
             if not busy:
                 if self._is_outdated and looks < _LOOKS:
                     looks, self._is_outdated = looks + 1, False
-                    yield from self._look(self._seats, UNKNOWN)
+                    yield from self._look(self._participants, UNKNOWN)
                     continue
                 self._is_outdated = False
                 ahead = {name for flow in self._balance.ahead(numbers) for name, _ in flow.senders}
-                if ahead and (yield from self._look([each for each in self._seats if each.name in ahead], UNKNOWN)):
+                senders = [each for each in self._participants if each.name in ahead]
+                if senders and (yield from self._look(senders, UNKNOWN)):
                     continue  # they had sent more since they were asked
                 self._balance.level(numbers)
                 return
@@ -332,59 +333,59 @@ class Leader:
                 told = True
                 log.warning("the clock stands still: it waits for %s", ", ".join(each.name[1:] for each in busy))
 
-    def _look(self, seats: Sequence[Seat], last: State | None = None) -> Course[bool]:
+    def _look(self, participants: Sequence[Participant], last: State | None = None) -> Course[bool]:
         """Ask for states that differ from `last`, by default the known ones; returns whether anything has changed."""
         changed = False
-        for each in list(seats):
+        for each in list(participants):
             before = each.state
-            yield from self._ask(each, each.asked.look, last or before)
-            changed |= each.state != before or each not in self._seats
+            yield from self._ask(each, each.link.look, last or before)
+            changed |= each.state != before or each not in self._participants
         return changed
 
-    def _ask(self, seat: Seat, question: Callable[[_T], None], about: _T) -> Course[None]:
+    def _ask(self, participant: Participant, question: Callable[[_T], None], about: _T) -> Course[None]:
         """Take a new report of a component; without an answer, go on without it."""
-        made = seat.state.made
+        made = participant.state.made
         try:
             question(about)
-            while (state := seat.asked.answer(self._asking)) is None:
-                yield seat.is_near
-            seat.state, seat.silent = state, 0
+            while (state := participant.link.answer(self._asking)) is None:
+                yield participant.is_local
+            participant.state, participant.silent = state, 0
             self._is_outdated |= state.made != made
         except Timeout as exc:
-            seat.silent += 1
-            if seat.silent >= _SILENT:
-                self._drop(seat, f"does not answer ({exc})")
+            participant.silent += 1
+            if participant.silent >= _SILENT:
+                self._drop(participant, f"does not answer ({exc})")
         except RobocompError as exc:
-            self._drop(seat, f"is gone ({exc})")
+            self._drop(participant, f"is gone ({exc})")
 
     def _count_anew(self) -> None:
         """Take the counters that the components have now. No message counts as under way."""
-        for seat in list(self._seats):
-            if seat.state.version != seat.version:
+        for participant in list(self._participants):
+            if participant.state.version != participant.version:
                 try:
-                    seat.counters, seat.version = seat.asked.counters(), seat.state.version
+                    participant.counters, participant.version = participant.link.counters(), participant.state.version
                 except RobocompError as exc:
-                    self._drop(seat, f"is gone ({exc})")
-        self._balance = Balance({each.name: each.counters for each in self._seats})
+                    self._drop(participant, f"is gone ({exc})")
+        self._balance = Balance({each.name: each.counters for each in self._participants})
         self._balance.level(self._numbers(), all=True)
         self._receivers = self._balance.receivers
 
-    def _drop(self, seat: Seat, why: str) -> None:
+    def _drop(self, participant: Participant, why: str) -> None:
         with self._lock:
-            has_left = seat.name in self._leaving
-            self._seats = [each for each in self._seats if each is not seat]
-        seat.close()
+            has_left = participant.name in self._leaving
+            self._participants = [each for each in self._participants if each is not participant]
+        participant.close()
         self._count_anew()
         if self._closing.is_set() or has_left:
             return
         if self._clock.lost == "stop":
             self._closing.set()
-            self._fail(f"{seat.name[1:]}, which follows this clock, {why}")
+            self._fail(f"{participant.name[1:]}, which follows this clock, {why}")
         else:
-            log.warning("%s, which follows this clock, %s; the clock goes on without it", seat.name[1:], why)
+            log.warning("%s, which follows this clock, %s; the clock goes on without it", participant.name[1:], why)
 
     def _numbers(self) -> Mapping[str, Sequence[int]]:
-        return {each.name: each.state.numbers for each in self._seats}
+        return {each.name: each.state.numbers for each in self._participants}
 
     def _tell_lost(self, channel: str, number: int) -> None:
         if channel not in self._lost_on:

@@ -32,7 +32,7 @@ class Publishes(Serves, Protocol):
         ...
 
 
-class Seated(Answers, Protocol):
+class LocalComponent(Answers, Protocol):
     """The component that leads, as its leader asks it; see `Member`."""
 
     instance: str

@@ -81,8 +81,6 @@ class Member:
         self._is_idle, self._is_over = is_idle, is_over
         self._is_ready = False
         self._admitted = threading.Event()
-        self._is_admitted = False
-        """The same, but quicker to look at."""
         self._closing = threading.Event()
         self._proxy: LockstepLeaderProxy | None = None
         self._thread: threading.Thread | None = None
@@ -158,9 +156,8 @@ class Member:
         That is the case if the event `asking`, by which it waits for the clock, is set, or if it is due itself.
         """
         clock, counts = self.clock, self.counts
-        if not self._is_admitted:
+        if not self._admitted.is_set():
             clock.set(now)  # first: it is what the component sees when it begins
-            self._is_admitted = True
             self._admitted.set()
         begun = quiet = elapsed = 0.0  # the machine is asked for its time only if this takes longer
         while True:

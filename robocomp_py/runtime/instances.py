@@ -265,7 +265,7 @@ class NamedHandlers(NamedInstances[H]):
         handler.instance = name  # first: calls may come as soon as it is bound
         try:
             self._add(Entry(name, handler))
-        except BaseException:
+        except BaseException:  # also Ctrl-C: the handler may be added again
             handler.instance = ""
             raise
         return handler

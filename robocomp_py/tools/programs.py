@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +13,8 @@ from ..contract.told import Supplement
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from ..transports.census import Told
 from ..transports.runtime_folder import runtime_dir
+
+log = logging.getLogger("robocomp.tools")
 
 _LARGEST = 64 * 1024 * 1024
 """Octets of a plan; larger files are not read."""
@@ -49,8 +52,9 @@ def _served(plan: Path) -> tuple[Described, ...]:
     try:
         at = plan.stat()
         return _read(plan, at.st_ino, at.st_mtime_ns) if at.st_size <= _LARGEST else ()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return ()  # it is ending, or is of another version
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as exc:
+        log.debug("%s is not understood: %r", plan, exc)  # its network is ending, or is of another version
+        return ()
 
 
 @lru_cache(100)

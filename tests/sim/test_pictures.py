@@ -26,6 +26,8 @@ from robocomp_py.sim.drawing import chosen
 from robocomp_py.sim.render import Renderer
 from robocomp_py.sim.world import World
 
+from .scenes import WEDGE
+
 tool = pytest.mark.tool  # of those that draw
 
 COLOURS = {"red": "#ff0000", "green": "#00ff00", "blue": "#0000ff", "yellow": "#ffff00", "pink": "#ff00ff"}
@@ -108,7 +110,6 @@ def test_every_pixel_is_as_far_along_z_as_geometry_says(
     assert np.abs(seen * 1000 - wanted).max() < 1.0
 
 
-WEDGE = "v 0 0 0\nv 100 0 0\nv 0 200 0\nv 0 0 300\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 CROWD = """\
 <innerModel>
   <transform id="world">

@@ -15,6 +15,8 @@ from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.build import Scene, build, rebuilt
 from robocomp_py.sim.world import Overlap, World
 
+from .scenes import WEDGE
+
 HALL = """\
 <innerModel>
   <transform id="world">
@@ -34,7 +36,6 @@ HALL = """\
   </transform>
 </innerModel>
 """
-WEDGE = "v 0 0 0\nv 100 0 0\nv 0 200 0\nv 0 0 300\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
 @pytest.fixture

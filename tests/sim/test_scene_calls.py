@@ -26,24 +26,13 @@ from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.test_run import make, running
+from .scenes import WEDGE, room_with
 
-SCENE = """\
-<innerModel>
-  <transform id="world">
-    <differentialrobot id="base" collide="1">
-      <plane id="body" size="300,300,300" collide="1"/>
-      <translation id="mount" ty="300"><laser id="front" measures="2" angle="3.1415926535" max="5000"/></translation>
-      <joint id="pan" ty="400" axis="y" port="7"/>
-    </differentialrobot>
-    <transform id="stand" tx="2000"><plane id="wall" size="10,2000,900" texture="#ff0000" collide="1"/></transform>
-    <transform id="shelf" tz="-3000"/>
-    <mesh id="ramp" file="wedge.obj" tx="-3000"/>
-    <pointcloud id="cloud"/>
-    <translation id="corner" tz="-9000"><camera id="eye" width="4" height="2" focal="2"/></translation>
-  </transform>
-</innerModel>
-"""
-WEDGE = "v 0 0 0\nv 100 0 0\nv 0 200 0\nv 0 0 300\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+SCENE = room_with(
+    '<transform id="shelf" tz="-3000"/>',
+    '<mesh id="ramp" file="wedge.obj" tx="-3000"/>',
+    '<translation id="corner" tz="-9000"><camera id="eye" width="4" height="2" focal="2"/></translation>',
+)
 VISITOR = """\
 import "InnerModelManager.idsl";
 import "Simulation.idsl";

@@ -80,8 +80,8 @@ class Neighbours(Closing):
             except zenoh.ZError:
                 log.debug("routers are no longer asked", exc_info=True)  # the session is closed
                 return
-            except Exception:
-                log.exception("asking other routers")
+            except Exception:  # the router must go on; the next change of its connections asks again
+                log.exception("other routers could not be asked")
 
     def _ask_all(self) -> None:
         """Ask each neighbour for a while, until a connection changes."""

@@ -23,6 +23,8 @@ from robocomp_py.errors import Timeout
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.announced import channels, told_in_files
 
+from ...cli.programs import running
+
 pytestmark = pytest.mark.tool
 
 HERE = Path(__file__).parent
@@ -62,17 +64,12 @@ def yard(folder: Path, free_port: int, own_runtime_folder: Path) -> Iterator[Non
     network = folder / "yard.ddsl"
     program = f"{sys.executable} -I {folder / 'tools.py'}"
     network.write_text(NETWORK.format(program=program, port=free_port))
-    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(network)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+    with running("rcdeploy", network) as deployer:
+        wait_until(lambda: listed() or deployer.poll() is not None)
         try:
-            wait_until(lambda: listed() or process.poll() is not None)
             yield
         finally:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(SOON * 3)
-            finally:
-                process.kill()
+            deployer.send_signal(signal.SIGTERM)
 
 
 def said_quietly(*arguments: str) -> str:

@@ -120,7 +120,7 @@ def foreign(path: Path, encoding: str, metadata: dict[str, str]) -> Path:
         schema = writer.register_schema("a/msg/B", "ros2msg", b"int32 x")
         channel = writer.register_channel("/b", encoding, schema, metadata)
         writer.add_message(channel, 1, b"\0\1\0\0\1\0\0\0", 1)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()  # type: ignore[no-untyped-call]  # the library's
     return path
 
 
@@ -158,7 +158,7 @@ def test_a_recording_without_messages_makes_no_table(tmp_path: Path, capsys: pyt
     with open(tmp_path / "b.mcap", "wb") as file:
         writer = Writer(file)
         writer.start()
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()  # type: ignore[no-untyped-call]  # the library's
     assert rc.main(["bag", "convert", str(tmp_path / "b.mcap"), "--to", "csv", "-o", str(tmp_path / "tables")]) == 1
     assert capsys.readouterr() == ("", f"rc bag convert: {tmp_path / 'b.mcap'} has no messages\n")
 
@@ -174,9 +174,9 @@ def test_attachments_and_metadata_are_copied(
         channel = writer.register_channel("/b", "json", 0)
         writer.add_message(channel, 1, b"{}", 1)
         writer.add_attachment(3, 4, "plan.json", "application/json", b"[1, 2]")
-        writer.add_metadata("about", {"robot": "rescue"})  # type: ignore[no-untyped-call]
-        writer.add_metadata("rosbag2", {"serialized_metadata": "of the file"})  # type: ignore[no-untyped-call]
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.add_metadata("about", {"robot": "rescue"})
+        writer.add_metadata("rosbag2", {"serialized_metadata": "of the file"})
+        writer.finish()  # type: ignore[no-untyped-call]  # the library's
     said(capsys, "bag", words[0], path, *words[1:], "-o", tmp_path / "new")
     with Recording(tmp_path / "new") as recording:
         assert list(recording.extras()) == [

@@ -1,8 +1,8 @@
 """The components that take part in lock-step, and how their leader asks them.
 
-Near      the component that leads
-OnLine    a follower that is asked over its socket
-Far       a follower without a socket, which is asked by queries
+LocalLink     asks the component that leads, in this process
+SocketLink    asks a follower over its socket
+QueryLink     asks a follower without a socket, by queries
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..errors import RobocompError
 from ..runtime.clock import NEVER
 from .balance import State
 from .line import Line, connect
-from .links import Seated
+from .links import LocalComponent
 from .pollable import PollableEvent
 from .RoboCompLockstep import Counter, LockstepFollowerProxy, Report
 
@@ -29,8 +29,8 @@ UNKNOWN = State(NEVER, True, -1, ())
 """A state from which all others differ, so that a component does not wait for a change."""
 
 
-class Asked(Protocol):
-    """A component that takes part: `step`, `tell` or `look` asks, then `answer` is called until it returns the state.
+class Link(Protocol):
+    """How the leader asks one component: by `step`, `tell` or `look`, and then by `answer` until that returns a state.
 
     All raise Timeout if the component does not answer in time, and another RobocompError if it is gone.
     """
@@ -48,10 +48,10 @@ class Asked(Protocol):
     def counters(self) -> Sequence[Counter]: ...
 
 
-class Near:
-    """The component that leads. Its loop may ask it itself."""
+class LocalLink:
+    """Asks the component that leads, on the thread of its loop or on the backup thread."""
 
-    def __init__(self, member: Seated) -> None:
+    def __init__(self, member: LocalComponent) -> None:
         self._member = member
         self._question: Callable[[PollableEvent | None], State | None] = lambda asking: UNKNOWN
         self.counters = member.counters
@@ -69,8 +69,8 @@ class Near:
         return self._question(asking)
 
 
-class Far:
-    """A follower in another process without a socket. It is asked by queries."""
+class QueryLink:
+    """Asks a follower in another process that has no socket."""
 
     def __init__(self, proxy: LockstepFollowerProxy) -> None:
         self._proxy = proxy
@@ -92,8 +92,8 @@ class Far:
         return self._proxy.counters(deadline=_DEADLINE)
 
 
-class OnLine:
-    """A follower that is asked over its socket."""
+class SocketLink:
+    """Asks a follower over its socket."""
 
     def __init__(self, proxy: LockstepFollowerProxy, line: Line) -> None:
         self._proxy, self.line = proxy, line
@@ -103,25 +103,25 @@ class OnLine:
         return self._proxy.counters(deadline=_DEADLINE)
 
 
-def reached(proxy: LockstepFollowerProxy) -> OnLine | Far:
-    """The follower of this proxy, by its socket if that can be reached."""
+def link_to(proxy: LockstepFollowerProxy) -> SocketLink | QueryLink:
+    """The link to the follower of this proxy: over its socket if that can be reached."""
     try:
         address = proxy.line(deadline=_DEADLINE)
     except RobocompError as exc:
         log.debug("no line to a follower: %s", exc)  # if it is gone, the first question finds out
         address = ""
     line = connect(address, _DEADLINE) if address else None
-    return OnLine(proxy, line) if line else Far(proxy)
+    return SocketLink(proxy, line) if line else QueryLink(proxy)
 
 
-class Seat:
+class Participant:
     """One component that takes part, and its latest state."""
 
-    def __init__(self, name: str, asked: Asked, close: Callable[[], None] = lambda: None) -> None:
-        """`close` ends the links with it."""
-        self.name, self.asked, self._close = name, asked, close
-        self.is_near = isinstance(asked, Near)
-        self.line = asked.line if isinstance(asked, OnLine) else None
+    def __init__(self, name: str, link: Link, close: Callable[[], None] = lambda: None) -> None:
+        """`close` closes what connects the middleware with it."""
+        self.name, self.link, self._close = name, link, close
+        self.is_local = isinstance(link, LocalLink)
+        self.line = link.line if isinstance(link, SocketLink) else None
         self.state = State(NEVER, True, 0, ())
         self.version = -1
         """The version of `counters`; -1 before they are known."""
@@ -132,7 +132,7 @@ class Seat:
     @property
     def is_quick(self) -> bool:
         """Whether a question takes so little time that the loop may ask it."""
-        return self.is_near or self.line is not None
+        return self.is_local or self.line is not None
 
     def close(self) -> None:
         """Close what connects the leader with it."""
@@ -140,6 +140,6 @@ class Seat:
         self._close()
 
     def hang_up(self) -> None:
-        """Close its socket. Its links end with those of the component."""
+        """Close its socket alone: what connects the middleware ends with the component."""
         if self.line:
             self.line.close()
