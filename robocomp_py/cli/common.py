@@ -175,7 +175,9 @@ def add_version(to: argparse.ArgumentParser, name: str) -> None:
     to.add_argument("--version", action="version", version=f"{name} (robocomp_py) {__version__}")
 
 
-def add_include(to: argparse.ArgumentParser) -> None:
+def add_include(
+    to: argparse.ArgumentParser, help: str = "additional folder to search for imports; may be repeated"
+) -> None:
     def folder(text: str) -> Path:
         if not os.path.isdir(text):
             print(f"{to.prog}: warning: -I {text}: there is no such folder", file=sys.stderr)
@@ -188,7 +190,7 @@ def add_include(to: argparse.ArgumentParser) -> None:
         default=[],
         type=folder,
         metavar="DIR",
-        help="additional folder to search for imports; may be repeated",
+        help=help,
     )
 
 

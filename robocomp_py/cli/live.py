@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .common import FINE, UNREACHABLE, USAGE, WRONG
+from .common import FINE, UNREACHABLE, USAGE, WRONG, add_include
 from .completing import What, completed
 
 if TYPE_CHECKING:
@@ -110,15 +110,7 @@ def add_topics(to: argparse.ArgumentParser) -> None:
 
 def add_definitions(to: argparse.ArgumentParser) -> None:
     """Where `definitions` searches."""
-    to.add_argument(
-        "-I",
-        dest="include",
-        action="append",
-        type=Path,
-        default=[],
-        metavar="DIR",
-        help="a folder of IDSL files, for programs that do not announce their contracts; may be repeated",
-    )
+    add_include(to, "a folder of IDSL files, for programs that do not announce their contracts; may be repeated")
 
 
 def add_request(to: argparse.ArgumentParser) -> None:

@@ -167,6 +167,8 @@ def test_a_folder_for_imports_that_is_not_there_is_warned_about(
     for main, arguments in ((rc, ["lint"]), (rcgen, ["--check"])):
         main([*arguments, "-I", str(tmp_path / "nowhere"), "-I", str(tmp_path), str(path)])
         assert capfd.readouterr().err.endswith(f"warning: -I {tmp_path}/nowhere: there is no such folder\n")
+    assert rc(["call", "mill/Workshop/divide", "-I", str(tmp_path / "nowhere"), "--timeout", "0.1"]) != 0
+    assert f"rc call: warning: -I {tmp_path}/nowhere: there is no such folder\n" in capfd.readouterr().err
 
 
 def test_a_command_is_a_function_of_its_arguments_to_its_exit_code() -> None:
