@@ -18,6 +18,7 @@ from .balance import Balance, State
 from .cores import ANY_CORE, present_core
 from .handover import Handover
 from .links import LocalComponent, Reaches
+from .membership import Membership
 from .pace import Pace
 from .participants import UNKNOWN, LocalLink, Participant, link_to
 from .pollable import PollableEvent
@@ -74,11 +75,11 @@ class Leader:
         assert settings.clock
         self._clock, self._patience = settings.clock, settings.startup_timeout
         self._member, self._fail = member, fail
-        order = [names.whole(name, settings.namespace) for name in self._clock.followers]
-        self._order = {name: number for number, name in enumerate([member.instance, *order])}
+        followers = [names.whole(name, settings.namespace) for name in self._clock.followers]
+        self.membership = Membership(member.instance, followers)
+        """Answers what followers ask."""
         self._pace = Pace(self._clock.speed)
         self._now = 0
-        self._participants: list[Participant] = []
         self._are_quick = False
         """Whether questions to all of them take so little time that the loop may ask."""
         self._balance = Balance({})
@@ -89,11 +90,6 @@ class Leader:
         self._is_level = True
         """Whether nothing was under way when the components were last looked at."""
         self._connections: Reaches | None = None
-        self._lock = threading.Lock()
-        self._joining: dict[str, int] = {}
-        """The times that their clocks show."""
-        self._leaving: set[str] = set()
-        self._news = threading.Event()
         self._closing = threading.Event()
         self._lost_on: set[str] = set()
         """The channels of lost messages that were reported."""
@@ -107,7 +103,7 @@ class Leader:
 
     def open(self, connections: Reaches) -> None:
         self._connections = connections
-        connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPLEADER_INTERFACE), self)
+        connections.serve(Port(Verb.IMPLEMENTS, LOCKSTEPLEADER_INTERFACE), self.membership)
         connections.serve(Port(Verb.IMPLEMENTS, CLOCKCONTROL_INTERFACE), self)
 
     def begin(self) -> None:
@@ -118,34 +114,15 @@ class Leader:
     def close(self) -> None:
         self._closing.set()
         self._pace.close()
-        self._news.set()
+        self.membership.news.set()
         self.handover.close()
-        for each in self._participants:
-            each.hang_up()
-
-    # What followers ask.
-
-    def LockstepLeader_join(self, instance: str, now: int) -> None:
-        with self._lock:
-            self._leaving.discard(instance)
-            self._joining[instance] = now
-        self._news.set()
-
-    def LockstepLeader_hasJoined(self, instance: str) -> bool:
-        with self._lock:
-            return instance in self._joining or any(each.name == instance for each in self._participants)
-
-    def LockstepLeader_leave(self, instance: str) -> None:
-        with self._lock:
-            self._joining.pop(instance, None)
-            self._leaving.add(instance)
+        self.membership.hang_up()
 
     # What tools ask that drive the clock.
 
     def ClockControl_state(self) -> ClockState:
         stand = self._pace.stand
-        with self._lock:
-            followers = [each.name[1:] for each in self._participants if each.name != self._member.instance]
+        followers = [name[1:] for name in self.membership.followers]
         return ClockState(self._now, stand.speed, stand.paused, followers)
 
     def ClockControl_pause(self) -> None:
@@ -190,11 +167,14 @@ class Leader:
 
     # The clock.
 
+    @property
+    def _participants(self) -> Sequence[Participant]:
+        return self.membership.participants
+
     def _lead(self) -> Course[None]:
         try:
             self._gather()
-            with self._lock:
-                self._now = max([self._now, *self._joining.values()])  # from which the clock goes on
+            self._now = self.membership.latest(self._now)  # from which the clock goes on
             yield from self._start_together([Participant(self._member.instance, LocalLink(self._member))])
             self._pace.begin(self._now)
             while not self._closing.is_set():
@@ -210,7 +190,7 @@ class Leader:
     def _go_on(self) -> Course[None]:
         """To the next instant, if it is time."""
         due = max(self._now, min(each.state.due for each in self._participants))
-        is_same = not self._joining and not self._leaving
+        is_same = self.membership.is_same
         self.is_for_loop = is_same and due != NEVER and self._pace.is_unbound and self._are_quick
         yield False
         while self._asking and not self.is_for_loop:
@@ -229,8 +209,7 @@ class Leader:
         """Wait for the followers that the network names."""
         begun, told = time.monotonic(), 0.0
         while not self._closing.is_set():
-            with self._lock:
-                absent = [name for name in self._order if name not in self._joining and name != self._member.instance]
+            absent = self.membership.absent
             waited = time.monotonic() - begun
             if not absent:
                 return
@@ -241,40 +220,32 @@ class Leader:
             if waited - told > _TELL:
                 told = waited
                 log.info("the clock waits for %s", listed)
-            self._news.wait(_IDLE)
-            self._news.clear()
+            self.membership.news.wait(_IDLE)
+            self.membership.news.clear()
 
     def _admit(self) -> Course[None]:
         """Let those take part that want to join, and no longer those that left."""
-        with self._lock:
-            joining, self._joining = self._joining, {}
-            leaving, self._leaving = self._leaving, set()
-        kept = [each for each in self._participants if each.name not in joining and each.name not in leaving]
-        for each in self._participants:
-            if each not in kept:
-                each.close()
+        joining, participants = self.membership.take_changes()
         assert self._connections
         port = Port(Verb.REQUIRES, LOCKSTEPFOLLOWER_INTERFACE, proxy=LockstepFollowerProxy)
         for name, now in joining.items():
             self._now = max(self._now, now)
             proxy, close = self._connections.reach(port, name)
-            kept.append(Participant(name, link_to(proxy), close))
-        yield from self._start_together(kept)
+            participants.append(Participant(name, link_to(proxy), close))
+        yield from self._start_together(participants)
 
     def _start_together(self, participants: Sequence[Participant]) -> Course[None]:
         """Go on with these components, all at the present instant."""
-        last = len(self._order)
-        with self._lock:
-            self._participants = sorted(participants, key=lambda each: (self._order.get(each.name, last), each.name))
+        self.membership.replace(participants)
         self._are_quick, self._instants = all(each.is_quick for each in self._participants), 0
-        for each in list(self._participants):
+        for each in self._participants:
             yield from self._ask(each, each.link.step, self._now)
         self._count_anew()
         yield from self._settle()
 
     def _tick(self, instant: int) -> Course[None]:
         self._now = instant
-        participants = list(self._participants)
+        participants = self._participants
         if not self._is_level:
             self._is_level = True
             yield from self._settle()
@@ -336,7 +307,7 @@ class Leader:
     def _look(self, participants: Sequence[Participant], last: State | None = None) -> Course[bool]:
         """Ask for states that differ from `last`, by default the known ones; returns whether anything has changed."""
         changed = False
-        for each in list(participants):
+        for each in participants:
             before = each.state
             yield from self._ask(each, each.link.look, last or before)
             changed |= each.state != before or each not in self._participants
@@ -360,7 +331,7 @@ class Leader:
 
     def _count_anew(self) -> None:
         """Take the counters that the components have now. No message counts as under way."""
-        for participant in list(self._participants):
+        for participant in self._participants:
             if participant.state.version != participant.version:
                 try:
                     participant.counters, participant.version = participant.link.counters(), participant.state.version
@@ -371,10 +342,7 @@ class Leader:
         self._receivers = self._balance.receivers
 
     def _drop(self, participant: Participant, why: str) -> None:
-        with self._lock:
-            has_left = participant.name in self._leaving
-            self._participants = [each for each in self._participants if each is not participant]
-        participant.close()
+        has_left = self.membership.drop(participant)
         self._count_anew()
         if self._closing.is_set() or has_left:
             return

@@ -85,7 +85,7 @@ def leader(followers: dict[str, Follower], lost: str = "keep") -> Iterator[list[
     connections: Any = Connections(followers)
     made.open(connections)
     for name in followers:
-        made.LockstepLeader_join(name, 0)
+        made.membership.LockstepLeader_join(name, 0)
     made.begin()
     try:
         yield failures
@@ -221,13 +221,13 @@ def test_a_restarted_follower_takes_the_place_of_the_former_one() -> None:
     made = Leader(settings, Member(settings, lambda: True, lambda: False), lambda message: None)
     connections: Any = Connections(followers)
     made.open(connections)
-    made.LockstepLeader_join("/a", 0)
-    assert made.LockstepLeader_hasJoined("/a")
+    made.membership.LockstepLeader_join("/a", 0)
+    assert made.membership.LockstepLeader_hasJoined("/a")
     made.begin()
     try:
         wait_until(lambda: len(followers["/a"].steps) > 3)
         first, followers["/a"] = followers["/a"], Follower([])
-        made.LockstepLeader_join("/a", 0)
+        made.membership.LockstepLeader_join("/a", 0)
         wait_until(lambda: len(followers["/a"].steps) > 3)
         assert followers["/a"].steps[0] >= first.steps[3]
         assert first.closed == 1
@@ -242,7 +242,7 @@ def test_a_leader_goes_on_from_the_latest_time_of_its_followers() -> None:
     made = Leader(settings, Member(settings, lambda: True, lambda: False), lambda why: None)
     connections: Any = Connections({"/moon": follower})
     made.open(connections)
-    made.LockstepLeader_join("/moon", 60 * 60 * SECOND)
+    made.membership.LockstepLeader_join("/moon", 60 * 60 * SECOND)
     made.begin()
     try:
         wait_until(lambda: 60 * 60 * SECOND + SECOND in follower.steps)
