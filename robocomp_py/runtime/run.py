@@ -19,7 +19,7 @@ from .. import installed
 from ..contract.component import MAX_SECONDS, Port
 from ..contract.parameters import build
 from ..contract.statemachine import label
-from ..errors import Closed, ComponentError, ConfigurationError, RobocompError, TransportError
+from ..errors import Closed, ComponentError, ConfigurationError, RobocompError
 from ..threads import start_thread
 from ..transports import headroom
 from ..transports.base import TransportFactory, find_transport
@@ -30,6 +30,7 @@ from .commandline import configure_logging, exit_code, parser_of, prepare, print
 from .commonbehavior import CommonBehavior
 from .connections import Connections
 from .ending import STUCK, announced, end_after, grace_of, settle
+from .hooks import Hooks, name_of
 from .introspecting import Introspection
 from .introspection import Counts, life, status
 from .lifecycle import Beat, Event, State, after
@@ -110,10 +111,7 @@ class Running:
         self._is_driven = True
         """Whether an executor takes its steps, so that it has no threads of its own."""
         self._sleeping: set[threading.Event] = set()
-        self._last_hindrance = ""
-        self._doing: list[Callable[[], object]] = []
-        self._entered = 0
-        """When the thread of the component last entered the monitor after it had to wait."""
+        self._hooks = Hooks(self.monitor, self.clock, lambda: self.state, self.stop, self._fail)
         self._machine: Machine | None = None
         self._diary: Diary | None = None
         self._round = 0
@@ -236,7 +234,7 @@ class Running:
     @property
     def doing(self) -> str:
         """The name of the hook that is running; "" if none is."""
-        return _name(self._doing[-1]) if self._doing else ""
+        return self._hooks.doing
 
     @property
     def busy(self) -> str:
@@ -437,7 +435,7 @@ class Running:
                     self._begin_timers(self._agenda)
             case State.FINISH:
                 if self._connections.goals:
-                    self._call(self._connections.goals.end, early=True)
+                    self._hooks.call(self._connections.goals.end, early=True)
                 self._once(self.worker.finish, early=True)
             case State.ENDED:
                 return False
@@ -506,7 +504,7 @@ class Running:
         """Call the worker's method for a state that is entered, unless an earlier one has failed."""
         method = getattr(self.worker, f"sm_{label(state)}")
         if not self.failed:
-            self._guard(method, method)
+            self._hooks.call_inside(method)
 
     def _on_the_beat(self, hook: Callable[[], None], then: Callable[[], None] | None = None) -> bool:
         """Call a hook if it is due, and something after it, and return whether it was."""
@@ -515,13 +513,13 @@ class Running:
             return False
         skipped = beat.overruns
         beat.begun()
-        self._call(hook)
+        self._hooks.call(hook)
         if then:
-            self._call(then)
+            self._hooks.call(then)
         now = self.clock.now()
         beat.done(now)
         if beat.overruns != skipped:
-            self._tell_slow(self._compute, hook, (now - max(begun, self._entered)) / SECOND)
+            self._tell_slow(self._compute, hook, (now - max(begun, self._hooks.entered)) / SECOND)
         return True
 
     def _timing(self) -> Agenda:
@@ -564,7 +562,7 @@ class Running:
     def _run_timer(self, taken: Timer | TimerHandle) -> None:
         assert self._agenda
         skipped = taken.overruns if isinstance(taken, Timer) else 0
-        took = self._agenda.run(taken, self._call_inside)
+        took = self._agenda.run(taken, self._hooks.call_inside)
         if isinstance(taken, Timer) and taken.overruns != skipped:
             self._tell_slow(taken, taken._method, took)
 
@@ -606,7 +604,7 @@ class Running:
             text = f"took {took:.3g} s, longer than the period of {timer.period:.3g} s: "
         else:
             text = f"waited for other code of this component{self._slow_handler(timer.period)}: "
-        log.warning("%s %s%d periods were skipped (more are only counted)", _name(hook), text, timer.overruns)
+        log.warning("%s %s%d periods were skipped (more are only counted)", name_of(hook), text, timer.overruns)
 
     def _slow_handler(self, period: float) -> str:
         """For a message: the handler that took longest, if that was at least half of a period."""
@@ -617,75 +615,17 @@ class Running:
         """Call the hook for a missed deadline or a lost publisher, inside the monitor."""
         instance = names.instance(event.channel)
         hook = self.worker.on_deadline_missed if isinstance(event, Missed) else self.worker.on_liveliness_lost
-        try:
-            with self.monitor.held():
-                hook(port.label, operation, instance, event.total)
-        except Closed:
-            return  # the component is stopping
-        except SystemExit:
-            self.stop()
-        except Exception as exc:
-            log.error("%s raised %s\n%s", hook.__qualname__, type(exc).__name__, user_trace(exc))
-            self.monitor.tallies.note_failure(hook.__qualname__, exc)
+        self._hooks.tell(hook, port.label, operation, instance, event.total)
 
     def _once(self, hook: Callable[[], None], *, early: bool = False) -> None:
         state = self.state
-        self._call(hook, early=early)
+        self._hooks.call(hook, early=early)
         self.signal(Event.DONE, during=state)
-
-    def _call_inside(self, hook: Callable[[], object]) -> None:
-        """Run a timer's method, or a function, when inside the monitor."""
-        self._guard(hook, hook)
-
-    def _call(self, hook: Callable[[], None], *, early: bool = False) -> None:
-        """Run a hook inside the monitor, and handle what it raises."""
-        self._guard(hook, self._held, hook, early)
-
-    def _held(self, hook: Callable[[], None], early: bool) -> None:
-        if self.monitor.enter(early=early):  # on the path of every instant: `with` costs more
-            self._entered = self.clock.now()
-        try:
-            hook()
-        finally:
-            self.monitor.leave()
-
-    def _guard(self, hook: Callable[[], object], run: Callable[..., object], *arguments: object) -> None:
-        """Run a hook by `run`, with these arguments, and handle what it raises."""
-        self._doing.append(hook)
-        try:
-            run(*arguments)
-            self._last_hindrance = ""
-        except TransportError as exc:
-            self._note_transport_error(hook, exc)
-        except SystemExit as exc:
-            if exc.code:
-                self._fail(f"{_name(hook)} called sys.exit({exc.code!r})")
-                self.monitor.tallies.note_failure(_name(hook), exc)
-            self.stop()
-        except ConfigurationError as exc:
-            # In `initialize` it is about a setting, or a file that a setting names: the code is not at fault.
-            trace = "" if self.state is State.INITIALIZE else f"{_name(hook)} raised {type(exc).__name__}\n"
-            self._fail(trace + user_trace(exc) if trace else str(exc))
-            self.monitor.tallies.note_failure(_name(hook), exc)
-        except Exception as exc:
-            self._fail(f"{_name(hook)} raised {type(exc).__name__}\n{user_trace(exc)}")
-            self.monitor.tallies.note_failure(_name(hook), exc)
-        finally:
-            self._doing.remove(hook)
 
     def _fail_by(self, exc: Exception) -> None:
         """Fail by an error of its links or its middleware."""
         if not (self.is_over and isinstance(exc, Closed)):  # Closed: stopped while it waited for its middleware
             self._fail(str(exc))
-
-    def _note_transport_error(self, hook: Callable[[], object], exc: TransportError) -> None:
-        """A peer is gone, slow or closed. This is only logged, except in `initialize`, which must succeed."""
-        if self.state is State.INITIALIZE:
-            self._fail(f"initialize failed: {exc}")
-            self.monitor.tallies.note_failure(_name(hook), exc)
-        elif not isinstance(exc, Closed) and str(exc) != self._last_hindrance:
-            self._last_hindrance = str(exc)
-            log.warning("%s did not complete: %s", _name(hook), exc)
 
     def _fail(self, message: str) -> None:
         log.error("%s", message)
@@ -695,10 +635,6 @@ class Running:
     def _set_period(self, seconds: float) -> None:
         self._compute._beat.period = seconds
         self._wake.set()
-
-
-def _name(hook: Callable[[], object]) -> str:
-    return getattr(hook, "__qualname__", None) or repr(hook)
 
 
 @installed.asked_once()
