@@ -14,6 +14,7 @@ from .completing import What, completed
 from .hosts import add_hosts, code_of, hosts_of
 from .live import (
     Absent,
+    add_definitions,
     add_json,
     add_middleware,
     add_request,
@@ -84,6 +85,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     send.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="cancel the goal after this time")
     cancel.add_argument("goal", nargs="?", default="", metavar="ID", help="the beginning of its id (default: all)")
     for each in (info, send, cancel):
+        add_definitions(each)
         add_waiting(each)
     for each in (listing, info, send, cancel):
         add_hosts(each)

@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING
 from .common import FINE
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import EXIT_STATUS, TOPIC, Absent, add_middleware, nothing_published, positive, reported, say
+from .live import (
+    EXIT_STATUS,
+    TOPIC,
+    Absent,
+    add_definitions,
+    add_middleware,
+    nothing_published,
+    positive,
+    reported,
+    say,
+)
 
 if TYPE_CHECKING:
     from ..tools.foxglove.live import Bridge
@@ -50,6 +60,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     names = to.add_argument("topics", nargs="*", metavar="NAME", help=f"{TOPIC}; or a recording: a folder, or *.mcap")
     completed(names, What.TOPIC)
+    add_definitions(to)
     about = "only topics of a network that rcdeploy runs here, by its name or file, on all its hosts"
     completed(to.add_argument("--network", metavar="NET", help=about), What.NETWORK)
     about = "a folder of `rc record`, or a file *.mcap, instead of what runs"
@@ -101,11 +112,14 @@ def _take_recording(options: argparse.Namespace) -> None:
 
 def _show_network(bridge: Bridge, options: argparse.Namespace, hosts: Hosts, end: float) -> None:
     from ..tools.access import Access
+    from ..tools.definitions import Definitions
     from ..tools.recording.session import Session
+
+    definitions = Definitions(options.include)
 
     def census() -> Network:
         """What runs on all hosts, or of it what belongs to the network that is wanted."""
-        found = hosts.renew().census(options.middleware, own=bool(options.topics))
+        found = definitions.complete(hosts.renew().census(options.middleware, own=bool(options.topics)))
         return found.only(hosts.instances) if options.network else found
 
     with Access() as access:

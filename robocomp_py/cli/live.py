@@ -109,7 +109,7 @@ def add_topics(to: argparse.ArgumentParser) -> None:
 
 
 def add_definitions(to: argparse.ArgumentParser) -> None:
-    """Where `definitions` searches."""
+    """Where `tools.definitions` searches."""
     add_include(to, "a folder of IDSL files, for programs that do not announce their contracts; may be repeated")
 
 
@@ -150,7 +150,7 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     from ..errors import HostUnreachable
     from ..spelling import and_then
     from ..tools.census import take_census
-    from .definitions import Definitions
+    from ..tools.definitions import Definitions
     from .progress import Progress
 
     census = hosts.census if hosts else take_census

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .common import FINE, USAGE
 from .completing import What, completed
 from .hosts import hosts_of
-from .live import Absent, add_middleware, count, reported
+from .live import Absent, add_definitions, add_middleware, count, reported
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -53,6 +53,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     )
     about = "how many calls, goals and publications it may make in a minute (default: 30)"
     to.add_argument("--calls-per-minute", type=count, default=30, metavar="N", help=about)
+    add_definitions(to)
     add_middleware(to)
     to.set_defaults(hosts=[], keys=None)  # of `hosts_of`: all hosts, and the keys of its rcdeploy
 
@@ -70,8 +71,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from functools import partial
-
     import anyio
 
     from .. import __version__
@@ -80,11 +79,12 @@ def _serve(options: argparse.Namespace) -> int:
     from ..deploy.client import network_of, not_running, running_plan
     from ..tools.access import Access
     from ..tools.asking import DEADLINE
+    from ..tools.definitions import Definitions
     from ..tools.mcp.bounds import Bounds
     from ..tools.mcp.permissions import permissions_of
     from ..tools.mcp.requests import Requests
     from ..tools.mcp.server import make_server, serve_stdio
-    from ..tools.network import TOOL
+    from ..tools.network import TOOL, Network
 
     network = network_of(options.network)
     plan = running_plan(network)
@@ -95,8 +95,11 @@ def _serve(options: argparse.Namespace) -> int:
     logs, write = _log(network)
     try:
         with hosts_of(options) as hosts, Access() as access:
-            census = partial(hosts.census, options.middleware)
+            definitions = Definitions(options.include)
             session = Session("", options.middleware, DEADLINE, TOOL)
+
+            def census() -> Network:
+                return definitions.complete(hosts.census(options.middleware))
 
             def begin(offered: Offered, values: tuple[Any, ...]) -> Goal[Any, Any]:
                 key = f"{offered.name} {offered.start.middlewares} {list(offered.start.texts)}"

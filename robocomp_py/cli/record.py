@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from .common import FINE, UNREACHABLE
 from .completing import What, completed
-from .definitions import Definitions
 from .hosts import add_hosts, hosts_of
 from .live import (
     EXIT_STATUS,
@@ -116,6 +115,7 @@ def split(text: str) -> tuple[int | None, float | None]:
 def run(options: argparse.Namespace) -> int:
     from ..errors import ConfigurationError
     from ..tools.access import Access
+    from ..tools.definitions import Definitions
     from ..tools.recording.bag import Options
     from ..tools.recording.session import Session
     from ..tools.recording.tellers import Tellers

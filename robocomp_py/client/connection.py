@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from ..closing import Closing
@@ -30,13 +31,16 @@ def connect(
     middleware: str | Sequence[str] = (),
     timeout: float = 5.0,
     keys: str | os.PathLike[str] | None = None,
+    include: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] = (),
 ) -> Connection:
     """Take part in a network that rcdeploy runs on this host; without its name, in all that runs here.
 
     Components on other hosts of the network are there, too. `network` is the name that its DDSL file gives it, or
     `rcdeploy status` shows, or that file. `middleware` restricts the connection to some middlewares. `timeout` is how
     many seconds this function waits for the network, and each call for its answer. `keys` is the folder of the keys of
-    an operator, for a network with `security lan`; by default that of its rcdeploy, if it has such keys.
+    an operator, for a network with `security lan`; by default that of its rcdeploy, if it has such keys. `include` is a
+    folder of IDSL files, or several, for programs that do not announce their contracts; the current folder and those of
+    imports are always searched.
 
     Raises ConfigurationError if a middleware cannot be used, DeploymentError if the file cannot be read, and NotThere
     if no such network runs in time.
@@ -44,7 +48,7 @@ def connect(
     middlewares = (middleware,) if isinstance(middleware, str) else tuple(middleware)
     if not timeout > 0:
         raise ConfigurationError(f"timeout={timeout!r} must be a positive number of seconds")
-    session = Session(network, middlewares, timeout, keys=os.fspath(keys) if keys else None)
+    session = Session(network, middlewares, timeout, keys=os.fspath(keys) if keys else None, include=_folders(include))
     end, is_told = time.monotonic() + timeout, False
     try:
         while not session.census().channels:
@@ -58,6 +62,14 @@ def connect(
         session.close()
         raise
     return Connection(session)
+
+
+def _folders(given: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
+    found = [Path(each) for each in ((given,) if isinstance(given, str | os.PathLike) else given)]
+    for each in found:
+        if not each.is_dir():
+            log.warning("include: %s: there is no such folder", each)
+    return found
 
 
 class Connection(Closing, Branch):

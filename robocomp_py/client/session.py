@@ -9,6 +9,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ..contract.interface import Operation
@@ -17,6 +18,7 @@ from ..errors import Closed, RobocompError
 from ..spelling import and_then, closest
 from ..threads import NO_THREAD, start_thread
 from ..tools.access import Access, Subscription
+from ..tools.definitions import Definitions
 from ..tools.far import FarLink
 from ..tools.hosts import Hosts
 from ..tools.network import Channel, Network
@@ -49,8 +51,15 @@ class Session:
     """What all objects of one connection share."""
 
     def __init__(
-        self, network: str, middlewares: Sequence[str], timeout: float, owner: str = OWNER, keys: str | None = None
+        self,
+        network: str,
+        middlewares: Sequence[str],
+        timeout: float,
+        owner: str = OWNER,
+        keys: str | None = None,
+        include: Sequence[Path] = (),
     ) -> None:
+        """`include` are folders of IDSL files, for contracts that nothing announces."""
         if not network.isidentifier() and network:  # it is a file
             from ..deploy.client import network_of
 
@@ -59,6 +68,7 @@ class Session:
         self._hosts = Hosts(network or None, log.warning, keys=keys, running=False)
         self.timeout, self._owner = timeout, owner
         self.types = Types()
+        self._definitions = Definitions(include)
         self._lock = threading.RLock()
         self._transports: dict[tuple[str, str], Transport] = {}
         """By the middleware and its options."""
@@ -107,7 +117,7 @@ class Session:
             self.check_open()
             if self._hosts.renew().posts:
                 self._watch()
-        return self._hosts.census(self._middlewares, own=own)
+        return self._definitions.complete(self._hosts.census(self._middlewares, own=own))
 
     def topic(self, name: str) -> Channel | None:
         """A topic by its whole name that nothing publishes so far, if a subscriber hears it."""

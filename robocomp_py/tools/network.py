@@ -186,10 +186,12 @@ class Channel:
     @cached_property
     def operation(self) -> Operation[Any]:
         """As its providers announce it. Raises NotUnderstood."""
-        text = next(iter(self.texts.values()))
+        fingerprint, text = next(iter(self.texts.items()))
+        text = text or (_own_texts().get(fingerprint, "") if self.interface in OWN else "")
         if not text:
             raise NotUnderstood(
-                f"nothing announces the contract of {self.name}; its IDSL file has it: rc info {self.name} -I DIR"
+                f"nothing announces the contract of {self.name}; name the folder of its IDSL file: -I DIR, or in a "
+                "script connect(include=DIR)"
             )
         more = next((each.supplement for each in self.providers if each.supplement), None)
         try:
@@ -365,6 +367,16 @@ class Network:
             return f"`{name}` is an action; `rc action` begins, shows and cancels its goals"
         near = self.closest(name)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
+
+
+@lru_cache(maxsize=1)
+def _own_texts() -> Mapping[int, str]:
+    """The contracts that are known here of the framework's interfaces, by their fingerprints."""
+    from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE  # most programs announce them
+    from ..runtime.RoboCompIntrospection import INTROSPECTION_INTERFACE, INTROSPECTIONPUB_INTERFACE
+
+    known = (COMMONBEHAVIOR_INTERFACE, INTROSPECTION_INTERFACE, INTROSPECTIONPUB_INTERFACE)
+    return {each.fingerprint: each.text for interface in known for each in interface.operations}
 
 
 @lru_cache(maxsize=256)

@@ -79,6 +79,8 @@ def completed(line: str, shell: str = "bash") -> list[str]:
         ("rc graph 'two w", ["two words.ddsl"]),
         ("rc completion ", ["bash", "zsh", "fish"]),
         ("rc lint -I p", ["parts/"]),
+        ("rc mcp net -I p", ["parts/"]),
+        ("rc action send a/B/c -I p", ["parts/"]),
         ("rc lint --explain no-pr", ["no-provider"]),
         ("rc replay ", ["parts/", "run.mcap"]),
         ("rc rerun p", ["parts/"]),

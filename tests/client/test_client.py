@@ -46,6 +46,7 @@ from ..runtime.test_middlewares import MIDDLEWARES, Station
 from ..runtime.test_run import make, running
 from ..tools import talkers
 from ..tools.talkers import Listener
+from ..tools.terse import INTERFACE, terse
 from .pilot import flying
 
 TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
@@ -90,6 +91,22 @@ def test_queries_commands_and_topics_work_over_every_middleware(middleware: str)
         assert second == first + 1
         with pytest.raises(DeclaredError, match="division by zero"):
             everything.divide(1, 0)
+
+
+def test_contracts_that_nothing_announces_are_read_from_idsl_files(
+    own_runtime_folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
+    with terse() as publish:
+        with connect(middleware="shm") as net, pytest.raises(NotUnderstood, match=r"connect\(include=DIR\)"):
+            net.terse.Everything.divide(17, 5)
+        for include in (tmp_path, [str(tmp_path / "nowhere"), tmp_path]):
+            with connect(middleware="shm", include=include) as net:
+                assert tuple(net.terse.Everything.divide(17, divisor=5)) == (3, 2)
+                messages = net.terse.Everything.listen(SOON)
+                publish(8, "goodbye")
+                assert next(messages).text == "goodbye"
+    assert [each.getMessage() for each in caplog.records] == [f"include: {tmp_path}/nowhere: there is no such folder"]
 
 
 def test_values_have_the_types_that_are_announced(net: Any) -> None:

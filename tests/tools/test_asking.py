@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import logging
 import os
@@ -25,10 +26,11 @@ from robocomp_py.tools import asking
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.network import Network
-from robocomp_py.transports.base import find_transport
+from robocomp_py.transports.base import TransportConfig, find_transport
 
 from ..runtime.components import Calculator, Diary, Pupil, Stuck, Tuned
 from ..runtime.test_run import make, running
+from .terse import serve
 from .test_commands import TELLERS, complained, said
 
 OVER = "middleware=shm"
@@ -229,6 +231,14 @@ def test_one_that_has_ended_has_no_answer(access: Access) -> None:
         network = there("diary")
     assert asking.describe(access, network, "diary", 0.2) is None
     assert asking.measure(access, network, "nobody") is None
+
+
+def test_a_program_that_announces_only_fingerprints_is_asked(access: Access) -> None:
+    operation = next(each for each in INTROSPECTION_INTERFACE.operations if each.name == "measure")
+    transport = find_transport("shm")(TransportConfig(owner="terse"))
+    with contextlib.closing(transport):
+        serve(transport, operation, lambda: (Measures(computes=7),))
+        assert measured(access, "terse").computes == 7
 
 
 class Odd(Diary):

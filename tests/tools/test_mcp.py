@@ -41,6 +41,7 @@ from ..client.pilot import flying
 from ..runtime.components import Calculator, Diary, Tuned
 from ..runtime.test_run import make, running
 from .talkers import Talker
+from .terse import INTERFACE, terse
 from .test_scout import Direct
 
 LONG = 6 * SOON
@@ -361,26 +362,30 @@ def test_a_network_that_allows_nothing_has_no_calls() -> None:
     )
 
 
-def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any]) -> None:
+def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
     place = Place("tamed")
     place.take("a test")
     try:
-        place.leave_plan(json.dumps(PLAN))
+        place.leave_plan(json.dumps(PLAN | {"processes": [*PLAN["processes"], {"instances": ["terse"]}]}))
 
-        async def ask() -> tuple[list[str], Any]:
+        async def ask() -> tuple[list[str], Any, Any]:
             command = StdioServerParameters(
                 command=sys.executable,
-                args=["-m", "robocomp_py.cli.rc", "mcp", "tamed", "--middleware", "shm"],
+                args=["-m", "robocomp_py.cli.rc", "mcp", "tamed", "--middleware", "shm", "-I", str(tmp_path)],
                 env=dict(os.environ),
             )
             async with Client(stdio_client(command)) as client:
                 tools = (await client.list_tools()).tools
                 called = await client.call_tool("call", {"operation": "work", "arguments": {"task": "stdio"}})
-                return [each.name for each in tools], called.content[0]
+                described = await client.call_tool("describe", {"name": "terse/Everything/divide"})
+                return [each.name for each in tools], called.content[0], described.content[0]
 
-        tools, content = asyncio.run(asyncio.wait_for(ask(), LONG))
+        with terse():
+            tools, content, described = asyncio.run(asyncio.wait_for(ask(), LONG))
         assert tools[-1] == "publish"
         assert json.loads(content.text) == {"result": "stdio"}
+        assert json.loads(described.text)["arguments"] == {"dividend": 0, "divisor": 0}
         assert "work stdio" in network["station"].entries
         log = (place.logs / "rc-mcp.log").read_text()
         assert 'call robot1/station/Everything/work {"task": "stdio"}' in log

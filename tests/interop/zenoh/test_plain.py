@@ -24,6 +24,7 @@ from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zenoh.transport import ZenohTransport
 from robocomp_py.wire.cdr import Cdr
 from tests.docs.pages import ROOT, blocks
+from tests.tools.terse import INTERFACE
 
 HERE = Path(__file__).parent
 PAGE = ROOT / "docs" / "reference" / "protocol-zenoh.md"
@@ -106,19 +107,6 @@ def test_a_plain_program_serves_a_component(transport: ZenohTransport, plain: St
     assert told(program) == ["answered 17 / 5", NONE_OF_OURS]
 
 
-INTERFACE = """\
-module Conformance
-{
-    exception Failed { string what; int code; };
-    interface Everything
-    {
-        [query] long divide(long dividend, long divisor, out long remainder) throws Failed;
-        [publish] void news(int number, string text);
-    };
-};
-"""
-
-
 def test_tools_find_the_contract_of_a_plain_program_in_an_idsl_file(
     transport: ZenohTransport, plain: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -129,7 +117,7 @@ def test_tools_find_the_contract_of_a_plain_program_in_an_idsl_file(
     assert "nothing announces the contract of plain/Everything/divide" in capsys.readouterr().out
     question = ("plain/Everything/divide", "dividend=17", "divisor=5")
     assert rc(["call", *question, *over]) == 1
-    assert "its IDSL file has it: rc info plain/Everything/divide -I DIR" in capsys.readouterr().err
+    assert "plain/Everything/divide; name the folder of its IDSL file: -I DIR" in capsys.readouterr().err
     assert rc(["call", *question, *over, "-I", str(tmp_path)]) == 0
     assert capsys.readouterr().out == '{"ret": 3, "remainder": 2}\n'
     assert told(program) == ["answered 17 / 5", NONE_OF_OURS]

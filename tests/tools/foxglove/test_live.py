@@ -30,6 +30,7 @@ from robocomp_py.wire.cdr import Cdr
 
 from ...runtime.test_run import make, running
 from ..talkers import Talker
+from ..terse import INTERFACE, terse
 
 SCAN = Operation[Any](
     "RoboCompLaserPub::LaserPub",
@@ -105,6 +106,14 @@ def test_topics_that_run_are_shown(own_runtime_folder: Path) -> None:
     assert number > 0
     assert text == "hello"
     assert stamp > 1_600_000_000_000_000_000
+
+
+def test_a_topic_whose_contract_is_in_an_idsl_file_is_shown(own_runtime_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "Everything.idsl").write_text(INTERFACE)
+    with terse(), served("-I", str(tmp_path), "--middleware", "shm") as address, connected(address) as client:
+        while "/terse/Everything/news" not in client.channels:
+            client.take()
+        assert "int32 number\nstring text" in client.channels["/terse/Everything/news"]["schema"]
 
 
 def recorded(folder: Path, count: int) -> Path:

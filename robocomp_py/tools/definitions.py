@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ..dsl.workspace import Workspace
-    from ..tools.network import Network
+    from .network import Network
 
 
 class Definitions:
     """Searches for each contract once, even if it is not found.
 
     Files are searched for in the current folder, in `include` and where imports are searched for. Only those are read
-    that name a wanted interface.
+    that name a wanted interface. For any number of threads.
     """
 
     def __init__(self, include: Sequence[Path]) -> None:
