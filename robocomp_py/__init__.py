@@ -1,9 +1,9 @@
 """Components for robots in Python, whatever the middleware.
 
-Nothing is imported here: using one layer must not load them all.
+No layer is imported here: using one must not load them all.
 """
 
-__version__ = "0.1.0"
+from .version import __version__ as __version__
 
 TYPE_CHECKING = False  # as in `typing`, which would be loaded for it alone
 if TYPE_CHECKING:

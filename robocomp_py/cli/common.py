@@ -18,8 +18,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn, Protocol, TextIO
 
-from .. import __version__
 from ..arguments import Parser
+from ..version import __version__
 
 if TYPE_CHECKING:
     from ..dsl.diagnostics import Diagnostic

@@ -73,7 +73,6 @@ def run(options: argparse.Namespace) -> int:
 def _serve(options: argparse.Namespace) -> int:
     import anyio
 
-    from .. import __version__
     from ..client.goals import Action
     from ..client.session import Session
     from ..deploy.client import network_of, not_running, running_plan
@@ -85,6 +84,7 @@ def _serve(options: argparse.Namespace) -> int:
     from ..tools.mcp.requests import Requests
     from ..tools.mcp.server import make_server, serve_stdio
     from ..tools.network import TOOL, Network
+    from ..version import __version__
 
     network = network_of(options.network)
     plan = running_plan(network)

@@ -36,10 +36,10 @@ def remedy(model: Path) -> str:
 
 def outdated(linked: LinkedComponent) -> list[str]:
     """A line for each generated file that differs from what its models make now."""
-    from .. import __version__
     from ..codegen.generate import GenerationError, Model, generate_generic
     from ..codegen.write import compare
     from ..contract.middleware import AUTO, generated_for
+    from ..version import __version__
 
     folder = linked.path.parent
     try:

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from .. import __version__
 from ..contract.module import Definition, Module
 from ..dsl.idsl import model as m
 from ..dsl.idsl.check import module_of, qualified
 from ..dsl.idsl.link import link
 from ..dsl.source import Name
+from ..version import __version__
 from .layout import on_one_line
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from .. import __version__
 from ..contract import types as t
 from ..contract.component import Component, Port
 from ..contract.interface import Interface
@@ -21,6 +20,7 @@ from ..contract.middleware import AUTO, carrier
 from ..contract.module import Constant, Module
 from ..errors import RobocompError
 from ..spelling import enumerated
+from ..version import __version__
 from . import actions, configuration, expressions, instances, layout, machine, names, timers
 from .compiled import FILE, Compiled
 from .imports import bound_names, complete

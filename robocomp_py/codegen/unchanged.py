@@ -27,7 +27,8 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from .. import __version__, installed
+from .. import installed
+from ..version import __version__
 
 _ABSENT, _SPECIAL = "", "special"
 """Instead of the digest of a file: there is none that can be read; it is no regular file."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from .. import __version__
+from ..version import __version__
 from .agents import Life
 from .policy import State
 from .snapshot import ProcessStatus, Snapshot

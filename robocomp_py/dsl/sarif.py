@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from .. import __version__
+from ..version import __version__
 from .diagnostics import Diagnostic, Severity
 from .explanations import explanation, meaning, severity, summary
 from .source import Span

@@ -19,7 +19,8 @@ from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException, JsonRpcInternalError
 from pygls.lsp.server import LanguageServer
 
-from .. import __version__, installed
+from .. import installed
+from ..version import __version__
 from . import answers
 from .complaints import complaints
 from .places import Places

@@ -13,12 +13,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import __version__, installed
+from .. import installed
 from ..arguments import Parser
 from ..contract.component import MAX_SECONDS, Component
 from ..contract.middleware import carrier
 from ..errors import ConfigurationError
 from ..transports.base import find_transport
+from ..version import __version__
 from . import settings
 from .commonbehavior import port_of
 from .ending import GRACE

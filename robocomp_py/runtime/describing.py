@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .. import __version__
 from ..contract.component import Component, Port
 from ..contract.interface import Operation, Verb
 from ..contract.parameters import ParameterKind, dotted, flat
 from ..contract.types import ExceptionType, Struct, walk
 from ..errors import ConfigurationError
 from ..spelling import unknown
+from ..version import __version__
 from ..wire import names
 from .effective import toml
 from .RoboCompIntrospection import Comment, Description, End, Measure, Measures, Setting

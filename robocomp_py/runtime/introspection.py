@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from .. import __version__
 from ..contract.component import Port
 from ..contract.interface import Verb
 from ..errors import TransportError
 from ..transports.base import Link, SupportsSources
+from ..version import __version__
 from ..wire import names
 from .lifecycle import State
 from .RoboCompCommonBehavior import PortStatus, Status, TimerStatus

@@ -12,11 +12,11 @@ from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ... import __version__
 from ...errors import DeploymentError
 from ...runtime.effective import toml
 from ...spelling import enumerated
 from ...transports.network import Helper
+from ...version import __version__
 from ..plan import Host, Plan, Process
 from ..policy import Restart, When
 from ..relocation import places, relocate

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from ... import __version__
+from ...version import __version__
 from .base import APP, RUNTIME, USER
 
 READY = "/tmp/ready"

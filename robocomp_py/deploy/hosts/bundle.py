@@ -20,8 +20,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from ... import __version__, installed
+from ... import installed
 from ...errors import DeploymentError
+from ...version import __version__
 
 FILES, KEYS = "files", "keys"
 

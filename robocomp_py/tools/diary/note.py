@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...contract.interface import Operation, Pattern
 from ...runtime.ports import Proxy
 from ...runtime.settings import Settings
 from ...runtime.worker import Worker
+from ...version import __version__
 from . import coding
 from .chance import here, observed_clocks, seeded
 from .events import NO_DATA, DiaryWriter

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from ... import __version__
 from ...errors import ConfigurationError, RobocompError
+from ...version import __version__
 from . import layout
 from .chunks import McapFile
 from .formats import need_mcap
