@@ -32,6 +32,7 @@ class _Relay:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = self._listener.getsockname()[1]
         self.connections = 0
+        self._is_over = False
         self._open: list[socket.socket] = []
         self._passing: list[threading.Thread] = []
         self._accepting = threading.Thread(target=self._accept, name="relay")
@@ -41,6 +42,7 @@ class _Relay:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._is_over = True
         self._listener.shutdown(socket.SHUT_RDWR)
         self._accepting.join()
         self.reset()
@@ -56,10 +58,19 @@ class _Relay:
                 each.shutdown(socket.SHUT_RD)  # wakes its thread, which closes it: only that sends the reset
 
     def _accept(self) -> None:
-        with self._listener, contextlib.suppress(OSError):  # closed
+        with self._listener:
             while True:
-                client = self._listener.accept()[0]
-                router = socket.create_connection(("127.0.0.1", self._target))
+                try:
+                    client = self._listener.accept()[0]
+                except OSError:
+                    if self._is_over:
+                        return
+                    raise
+                try:
+                    router = socket.create_connection(("127.0.0.1", self._target))
+                except ConnectionError:  # nothing listens there yet: the other end tries again
+                    client.close()
+                    continue
                 self._open += [client, router]
                 self.connections += 1
                 for ends in ((client, router), (router, client)):

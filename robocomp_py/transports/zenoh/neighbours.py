@@ -24,14 +24,16 @@ import zenoh
 from ...closing import Closing
 from ...errors import TransportError
 from ...threads import NO_THREAD, start_thread
+from ..leader_followers import STUCK
 from .hearing import ANSWER
 from .messages import direct
 from .unsafe import shut_down_connections
 
 log = logging.getLogger("robocomp.transport.zenoh")
 
-PAUSE = 1.0
-"""Seconds between two questions to the same router."""
+PAUSE = 0.5
+"""Seconds between two questions to the same router: while it does not answer, components may miss messages. Zenoh needs
+a fraction of this for its routes, so a router that answers is not taken for a silent one."""
 
 _EARLY = 0.2
 """Seconds from a change to a first question to routers that have not answered yet.
@@ -40,7 +42,7 @@ Only routers that have answered are connected again, so the first answer must co
 needs up to 0.1 s for its routes.
 """
 
-TRIES, LOOKS = 3, 6
+TRIES, LOOKS = 3, 12
 """Questions in a row without an answer after which the connection is shut down, and questions after each change."""
 
 QUESTION = "rc_router"
@@ -64,9 +66,12 @@ class Neighbours(Closing):
             raise TransportError(f"zenoh: {NO_THREAD}")
 
     def close(self) -> None:
+        """Stop, and wait for a question that has been asked."""
         self._stopped.set()
         self._changed.set()
-        self._thread.join()
+        self._thread.join(STUCK)
+        if self._thread.is_alive():
+            log.warning("a question to another Zenoh router has not ended after %g s; not waiting any longer", STUCK)
 
     def _on_event(self, event: zenoh.TransportEvent) -> None:
         if event.transport.whatami == zenoh.WhatAmI.ROUTER:
@@ -88,6 +93,8 @@ class Neighbours(Closing):
         if self._stopped.wait(_EARLY) or self._changed.is_set():
             return
         for router in self._routers():
+            if self._stopped.is_set():
+                return
             if router not in self.answered:
                 self._answers(router)
         silent: Counter[str] = Counter()
@@ -95,6 +102,8 @@ class Neighbours(Closing):
             if self._stopped.wait(self._pause) or self._changed.is_set():
                 return
             for router in self._routers():
+                if self._stopped.is_set():
+                    return
                 if self._answers(router):
                     del silent[router]
                     continue
