@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -33,6 +33,16 @@ def pytest_configure() -> None:
                 f"pyproject.toml has entry points of {group} that are not installed ({found}); "
                 "run: .venv/bin/pip install --no-deps --editable ."
             )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect no garbage while tests are collected: there is little, and looking for it is a fifth of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 def pytest_collection_finish() -> None:

@@ -16,7 +16,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from robocomp_py import connect
 from robocomp_py.client import Connection
@@ -286,6 +285,8 @@ def test_silence_is_told() -> None:
 
 
 def test_values_are_drawn(net: Any) -> None:
+    from matplotlib.figure import Figure  # takes long: only the worker that runs this test needs it
+
     axes = Figure().subplots()
     assert net.talker.Everything.plot("number", seconds=0.1, axes=axes) is axes
     (line,) = axes.lines

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import shutil
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -26,8 +27,15 @@ def linked(cdsl: Path) -> Model:
     return Model(found.component, found.modules, cdsl.name, found.params, statemachine=found.statemachine)
 
 
+@cache
+def golden_model(name: str) -> Model:
+    """The model of a component that has golden files."""
+    return linked(MODELS / f"{name}.cdsl")
+
+
+@cache
 def artifacts(name: str) -> tuple[Artifact, ...]:
-    return generate(linked(MODELS / f"{name}.cdsl"))
+    return generate(golden_model(name))
 
 
 def model_in(folder: Path, **texts: str) -> Path:

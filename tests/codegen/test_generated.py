@@ -20,7 +20,7 @@ from robocomp_py.errors import ConfigurationError, DeclaredError
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing.components import ComponentTest
 
-from .generated import MODELS, NAMES, linked, loaded, model_in, module_of
+from .generated import NAMES, golden_model, loaded, model_in, module_of
 from .golden import GOLDEN
 
 WORKERS = {name: loaded(GOLDEN / name) for name in NAMES}
@@ -48,17 +48,15 @@ def bare(value: Any) -> Any:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_generated_component_is_the_linked_one(name: str) -> None:
-    model = linked(MODELS / f"{name}.cdsl")
+    model = golden_model(name)
     assert bare(WORKERS[name].component) == bare(dataclasses.replace(model.component, description=""))
     found = [operation.fingerprint for port in WORKERS[name].component.ports for operation in port.interface.operations]
     assert found == [o.fingerprint for port in model.component.ports for o in port.interface.operations]
 
 
-@pytest.mark.parametrize(
-    ("component", "name"), [(c, m.name) for c in NAMES for m in linked(MODELS / f"{c}.cdsl").modules]
-)
+@pytest.mark.parametrize(("component", "name"), [(c, m.name) for c in NAMES for m in golden_model(c).modules])
 def test_every_definition_is_in_its_module_and_carries_its_contract(component: str, name: str) -> None:
-    model = next(each for each in linked(MODELS / f"{component}.cdsl").modules if each.name == name)
+    model = next(each for each in golden_model(component).modules if each.name == name)
     python = module(name if name.isidentifier() and name not in ("class", "lambda") else f"{name}_", component)
     contracts = {
         value.__contract__.name: value

@@ -14,10 +14,10 @@ from robocomp_py.contract.statemachine import State, StateMachine
 from robocomp_py.dsl.workspace import Workspace
 from robocomp_py.testing.components import ComponentTest
 
-from .generated import MODELS, artifacts, linked, loaded
+from .generated import MODELS, artifacts, golden_model, loaded
 from .golden import GOLDEN
 
-PATROL = linked(MODELS / "patrol.cdsl")
+PATROL = golden_model("patrol")
 
 
 def specific() -> str:

@@ -32,7 +32,7 @@ from robocomp_py.wire import header
 from robocomp_py.wire.messagepack import MessagePack
 
 from .descriptions import Description, of_c, of_class, of_idl
-from .generated import MODELS, linked, loaded, model_in
+from .generated import golden_model, linked, loaded, model_in
 from .golden import GOLDEN
 
 MIDDLEWARES = ("zeromq", "zenoh", "dds")
@@ -83,7 +83,7 @@ def component_called(name: str, awkward: Component) -> Component:
     if name == "conformance":
         ports = (Port(verb, everything.EVERYTHING) for verb in (Verb.IMPLEMENTS, Verb.PUBLISHES))
         return Component("conformance", tuple(ports))
-    return linked(MODELS / f"{name}.cdsl").component
+    return golden_model(name).component
 
 
 def written(component: Component, middleware: str) -> dict[str, str]:
@@ -293,7 +293,7 @@ def test_a_message_can_be_written_and_read_by_its_layout_alone() -> None:
     types = parsed(GOLDEN / "everything")["types"]
     everything_in = native(Component("c", (Port(Verb.IMPLEMENTS, everything.EVERYTHING),)), "zeromq", ABOUT)
     types |= json.loads(everything_in["generic/zeromq/channels.json"])["types"]
-    operations = [*linked(MODELS / "everything.cdsl").component.ports, Port(Verb.IMPLEMENTS, everything.EVERYTHING)]
+    operations = [*golden_model("everything").component.ports, Port(Verb.IMPLEMENTS, everything.EVERYTHING)]
     read = 0
     for port in operations:
         for operation, pattern in port.interface.under(port.verb):
@@ -355,7 +355,7 @@ def test_every_type_that_is_named_is_described(component: Component, middleware:
 
 
 def test_a_port_with_a_middleware_of_its_own_is_described_where_it_belongs() -> None:
-    component = linked(MODELS / "everything.cdsl").component
+    component = golden_model("everything").component
     mixed = replace(
         component,
         ports=tuple(
@@ -371,7 +371,7 @@ def test_a_port_with_a_middleware_of_its_own_is_described_where_it_belongs() -> 
 
 @pytest.mark.parametrize("middleware", ["inproc", "counting"])
 def test_where_no_other_programs_are_nothing_is_written(middleware: str) -> None:
-    component = linked(MODELS / "everything.cdsl").component
+    component = golden_model("everything").component
     assert native(component, middleware, ABOUT) == {}
 
 
@@ -417,7 +417,7 @@ def test_the_compiler_takes_the_idl_for_zenoh(kind: str, awkward: Component, tmp
 
 @pytest.mark.tool
 def test_the_compiler_complains_of_names_where_the_file_says_that_it_may(tmp_path: Path) -> None:
-    component = linked(MODELS / "names.cdsl").component
+    component = golden_model("names").component
     files = types_in(written(component, "dds"))
     said, _ = compiled(files, tmp_path)
     assert "collides" in said

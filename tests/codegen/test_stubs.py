@@ -12,12 +12,12 @@ from robocomp_py.codegen.generate import GenerationError, Model
 from robocomp_py.codegen.stubs import Stubs, find_stubs, with_stubs
 from robocomp_py.usercode.reading import Read
 
-from .generated import MODELS, artifacts, linked
+from .generated import artifacts, golden_model
 
 
 @cache
 def everything() -> Model:
-    return linked(MODELS / "everything.cdsl")
+    return golden_model("everything")
 
 
 @cache
@@ -186,7 +186,7 @@ def test_stubs_in_a_generated_specific_part_make_it_what_rcgen_would_have_writte
 def test_the_method_of_a_timer_comes_as_a_stub() -> None:
     text = next(each.text for each in artifacts("patrol") if str(each.path) == "specificworker.py")
     read = reading({"specificworker": text[: text.index("\n    def timer_report")]})
-    patrol = linked(MODELS / "patrol.cdsl")
+    patrol = golden_model("patrol")
     found = find_stubs(Path("everything"), patrol, read)
     assert list(found.missing) == ["timer_report"]
     assert with_stubs(Path("everything"), found, read).decode() == text

@@ -9,10 +9,10 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import check_jsonschema
 import jsonschema
 import kubernetes_validate
 import pytest
@@ -92,7 +92,10 @@ def only(export: Export, ending: str) -> str:
 
 def compose_file(text: str) -> dict[str, Any]:
     """Read, and found to be right by the schema of the Compose Specification."""
-    schema = Path(check_jsonschema.__file__).parent / "builtin_schemas" / "vendor" / "compose-spec.json"
+    package = find_spec("check_jsonschema")  # not imported: it takes long, and only its file is needed
+    assert package is not None
+    assert package.origin is not None
+    schema = Path(package.origin).parent / "builtin_schemas" / "vendor" / "compose-spec.json"
     document = yaml.safe_load(text)
     jsonschema.validate(document, json.loads(schema.read_text()))
     assert isinstance(document, dict)

@@ -15,8 +15,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import pytest
-from mcp import Client, StdioServerParameters
-from mcp.client.stdio import stdio_client
 
 from robocomp_py.cli import rc
 from robocomp_py.client.goals import Action
@@ -32,7 +30,6 @@ from robocomp_py.tools.census import take_census
 from robocomp_py.tools.mcp.bounds import Bounds, Rate, Refused, fitted
 from robocomp_py.tools.mcp.permissions import permissions_of
 from robocomp_py.tools.mcp.requests import Requests
-from robocomp_py.tools.mcp.server import make_server
 from robocomp_py.tools.network import End, Network
 from robocomp_py.tools.posts import Post
 from robocomp_py.transports.base import find_transport
@@ -55,6 +52,25 @@ PREFIXES = {
     "lonely": "robot2/ear",
     "pilot": "pilot",
 }
+
+
+# `mcp` takes a second to import: only workers that run tests of it do.
+
+
+def client_of(requests: Requests, mode: str = "auto") -> Any:
+    from mcp import Client
+
+    from robocomp_py.tools.mcp.server import make_server
+
+    return Client(make_server(requests, "tamed"), mode=mode)
+
+
+def client_of_rc_mcp(*arguments: str) -> Any:
+    from mcp import Client, StdioServerParameters
+    from mcp.client.stdio import stdio_client
+
+    rc_mcp = ["-m", "robocomp_py.cli.rc", "mcp", *arguments]
+    return Client(stdio_client(StdioServerParameters(command=sys.executable, args=rc_mcp, env=dict(os.environ))))
 
 
 def permission(instance: str, interface: str, operation: str, kind: str) -> dict[str, str]:
@@ -127,7 +143,7 @@ class Agent:
         """The answer as JSON. Raises Refused with the text of an error."""
 
         async def ask() -> Any:
-            async with Client(make_server(self.requests, "tamed"), mode=mode) as client:
+            async with client_of(self.requests, mode) as client:
                 return await client.call_tool(tool, arguments)
 
         found = asyncio.run(asyncio.wait_for(ask(), LONG))
@@ -370,12 +386,7 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any],
         place.leave_plan(json.dumps(PLAN | {"processes": [*PLAN["processes"], {"instances": ["terse"]}]}))
 
         async def ask() -> tuple[list[str], Any, Any]:
-            command = StdioServerParameters(
-                command=sys.executable,
-                args=["-m", "robocomp_py.cli.rc", "mcp", "tamed", "--middleware", "shm", "-I", str(tmp_path)],
-                env=dict(os.environ),
-            )
-            async with Client(stdio_client(command)) as client:
+            async with client_of_rc_mcp("tamed", "--middleware", "shm", "-I", str(tmp_path)) as client:
                 tools = (await client.list_tools()).tools
                 called = await client.call_tool("call", {"operation": "work", "arguments": {"task": "stdio"}})
                 described = await client.call_tool("describe", {"name": "terse/Everything/divide"})
@@ -420,7 +431,7 @@ def test_the_guide_lists_every_tool() -> None:
     with Access() as access, Agent(access, Bounds()) as agent:
 
         async def ask() -> list[str]:
-            async with Client(make_server(agent.requests, "tamed")) as client:
+            async with client_of(agent.requests) as client:
                 return [each.name for each in (await client.list_tools()).tools]
 
         tools = asyncio.run(asyncio.wait_for(ask(), LONG))

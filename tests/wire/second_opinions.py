@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import make_dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -47,16 +48,19 @@ def by_rosbags(message: Struct, values: tuple[Any, ...]) -> bytes:
 def by_ros2(message: Struct, values: tuple[Any, ...]) -> bytes:
     """The payload of ROS 2's own message of that name. Structs are tuples; one for an array of a fixed length, too."""
     name = message.name.replace("::", "/msg/")
-    return bytes(_ROS2.serialize_cdr(_of_ros2(name, values), name))
+    return bytes(_ros2().serialize_cdr(_of_ros2(name, values), name))
 
 
-_ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+@cache
+def _ros2() -> Any:
+    """A store takes a while to make, so tests that do not use it do not wait for it."""
+    return get_typestore(Stores.ROS2_HUMBLE)
 
 
 def _of_ros2(name: str, value: Any) -> Any:
     parts = divmod(value, 10**9) if name == "builtin_interfaces/msg/Time" else value
-    _, fields = _ROS2.fielddefs[name]
-    return _ROS2.types[name](*(_part_of_ros2(*kind, part) for (_, kind), part in zip(fields, parts, strict=True)))
+    _, fields = _ros2().fielddefs[name]
+    return _ros2().types[name](*(_part_of_ros2(*kind, part) for (_, kind), part in zip(fields, parts, strict=True)))
 
 
 def _part_of_ros2(node: Nodetype, detail: Any, value: Any) -> Any:

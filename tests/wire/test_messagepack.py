@@ -28,6 +28,7 @@ from robocomp_py.contract.types import (
     Struct,
     Type,
     dtypes,
+    spell,
 )
 from robocomp_py.errors import DecodeError, EncodeError
 from robocomp_py.testing.conformance import assert_same
@@ -253,7 +254,7 @@ LARGE: list[tuple[Type, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "value"), LARGE, ids=lambda each: str(each)[:40])
+@pytest.mark.parametrize(("kind", "value"), LARGE, ids=[spell(kind) for kind, _ in LARGE])
 def test_values_of_any_size_come_back(kind: Type, value: Any) -> None:
     message = Struct("Test::Message", (Field("before", INT32), Field("value", kind), Field("after", STRING)))
     payload = CODEC.encoder(message)((1, value, "x"))
