@@ -5,6 +5,7 @@ OpenGL comes from EGL, or else from OSMesa; pip can install neither, so they are
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import logging
 import os
@@ -76,6 +77,7 @@ class Easel:
         with self._context.as_current():
             self._pen = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._pen)
+            _drop_stencil(self._pen)
         self._pen.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._seen = mujoco.MjvScene(model=model, maxgeom=model.ngeom + 100)
         for flag in ("SHADOW", "REFLECTION", "SKYBOX", "FOG", "HAZE"):
@@ -116,10 +118,10 @@ class Easel:
         if colours is not None:
             colours[:] = drawn[::-1]  # OpenGL begins with the lowest row
         if depths is not None:
-            values = values[::-1]
-            np.add(values, _OFFSET, out=depths)
+            np.add(values[::-1], _OFFSET, out=depths)
+            is_nothing = depths == _OFFSET
             np.divide(_SLOPE, depths, out=depths)
-            np.copyto(depths, np.float32(np.nan), where=values == 0.0)
+            np.copyto(depths, np.float32(np.nan), where=is_nothing)
 
     def _in_sight(self, order: Order) -> NDArray[np.bool_]:
         """Which geoms a camera may see, shape (number of geoms,): OpenGL would transform all the others for nothing.
@@ -184,6 +186,24 @@ def _opened(width: int, height: int) -> Any:
         return context(width, height)
     except (ImportError, RuntimeError) as exc:
         raise _refused(name, exc) from exc
+
+
+def _drop_stencil(pen: mujoco.MjrContext) -> None:
+    """Give the buffer that is drawn into depths of 32 bits without a stencil, which only reflections need.
+
+    MuJoCo makes one with a stencil, of 8 bytes a pixel, and clears only the depths of it. OpenGL in software then
+    takes a quarter more time for a picture. The context of the buffer is current, and the buffer is bound.
+    """
+    gl = importlib.import_module("OpenGL.raw.GL.VERSION.GL_3_0")  # `OpenGL.GL` takes 0.2 s to import
+    if not gl.glGetRenderbufferParameteriv:
+        return
+    kind, buffer, frame = ctypes.c_int(), gl.GL_RENDERBUFFER, gl.GL_FRAMEBUFFER
+    gl.glBindRenderbuffer(buffer, pen.offDepthStencil)
+    gl.glGetRenderbufferParameteriv(buffer, gl.GL_RENDERBUFFER_INTERNAL_FORMAT, kind)
+    if kind.value == gl.GL_DEPTH32F_STENCIL8:  # else this OpenGL has no depths of 32 bits
+        gl.glRenderbufferStorage(buffer, gl.GL_DEPTH_COMPONENT32F, pen.offWidth, pen.offHeight)
+        gl.glFramebufferRenderbuffer(frame, gl.GL_DEPTH_STENCIL_ATTACHMENT, buffer, 0)
+        gl.glFramebufferRenderbuffer(frame, gl.GL_DEPTH_ATTACHMENT, buffer, pen.offDepthStencil)
 
 
 def _refused(name: str, error: Exception) -> ConfigurationError:
