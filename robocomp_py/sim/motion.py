@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import RobocompError
 from ..innermodel.axes import Array
-from .bases import Drive, Speed, Three, along, arc, between, in_parent, moved
+from .bases import Arc, Drive, Speed, Three, along, arc, between, in_parent, moved
 from .build import Base
 from .falling import DEEPEST, EVERY, caught
 from .joints import moved as motor_moved
@@ -108,8 +108,9 @@ class Motion(State):
 
         Each of them moves for many ticks at once, unless something looks at the others in between.
         """
-        is_alone = len(self._driven) == 1 and not self._busy
-        is_seen = bool(self._imus) or (not is_alone and any(base.collides for base, _ in self._driven))
+        moving = [(base, drive) for base, drive in self._driven if drive.expires is not None or any(drive.speed)]
+        is_alone = len(moving) == 1 and not self._busy
+        is_seen = bool(self._imus) or (not is_alone and any(base.collides for base, _ in moving))
         at_once, last = 1 if is_seen else min(max(count - 1, 1), _AT_ONCE), self._ticks + count
         while self._ticks < last:
             passing = min(at_once, last - self._ticks)
@@ -117,7 +118,7 @@ class Motion(State):
             before = self._data.qpos.copy() if has_speeds else None
             if self._busy:
                 self._turn_joints(passing)
-            for base, drive in self._driven:
+            for base, drive in moving:
                 self._advance(base, drive, passing)
             self._ticks += passing
             if before is not None:
@@ -215,27 +216,21 @@ class Motion(State):
 
     def _advance(self, base: Base, drive: Drive, count: int) -> None:
         """Move a base for some ticks, unless something stops it."""
-        if drive.expires is None and not any(drive.speed):
+        length, told = self._tick, drive.speed
+        wheels = arc(told, length)
+        if self._goes_on(base, drive, count):
+            _roll_along(drive, wheels, self._move(base, wheels, count))
             return
-        places, length, ticks = self._places, self._tick, range(self._ticks + 1, self._ticks + count + 1)
-        told, wheels, goes_on = drive.speed, arc(drive.speed, length), self._goes_on(base, drive, count)
+        ticks = range(self._ticks + 1, self._ticks + count + 1)
         for tick, factors in zip(ticks, self._factors(base.name, ticks), strict=True):
-            before = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
-            if not goes_on:
-                self._expire(drive, before, tick)
-                if drive.speed is not told or not any(told):
-                    return
+            self._expire(drive, self._pose(base.name), tick)
+            if drive.speed is not told or not any(told):
+                return
             motion = wheels
             if factors is not _EXACT:
                 ahead, aside, turn = told
                 motion = arc((ahead * factors[0], aside * factors[1], turn * factors[2]), length)
-            if not base.collides:
-                self._place(base, along(before, motion))
-            elif not self._goes(base, before, along(before, motion)):
-                continue
-            is_corrected = drive.corrected is not drive.odometry
-            drive.odometry = along(drive.odometry, wheels)
-            drive.corrected = along(drive.corrected, wheels) if is_corrected else drive.odometry
+            _roll_along(drive, wheels, self._move(base, motion, 1))
 
     def _goes_on(self, base: Base, drive: Drive, count: int) -> bool:
         """Whether a base certainly moves on for `count` ticks: its command does not expire, and `FARTHEST` is far."""
@@ -245,29 +240,37 @@ class Motion(State):
         way = 2000.0 * count * self._tick * max(map(abs, speed))
         return way + max(map(abs, (*self._pose(base.name), *drive.odometry, *drive.corrected))) < FARTHEST
 
+    def _move(self, base: Base, motion: Arc, count: int) -> int:
+        """Move a base for some ticks, in which nothing else moves. Returns the number of ticks until it was stopped."""
+        places, (left, reach) = self._places, self._room(base)
+        for done in range(count):
+            before = x, z, turn = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
+            after = to_x, to_z, to = along(before, motion)
+            if base.collides:
+                left -= hypot(to_x - x, to_z - z) / 1000.0 + abs(to - turn) * reach
+                if left <= 0.0:
+                    if not self._goes(base, before, after):
+                        return done
+                    left, reach = self._room(base)
+                    continue
+            self._place(base, after)
+        if left > 0.0:
+            self._rooms[base.name] = Room(self._data.qpos.tobytes(), left, reach)
+        return count
+
+    def _room(self, base: Base) -> tuple[float, float]:
+        """How far a base may move from where it is before it has to check obstacles, and its reach; see `Room`."""
+        room = self._rooms.get(base.name)
+        return (room.left, room.reach) if room and room.at == self._data.qpos.tobytes() else (0.0, 0.0)
+
     def _goes(self, base: Base, before: Three, after: Three) -> bool:
         """Put a base elsewhere, unless something stops it."""
-        if self._move_freely(base, before, after):
-            return True
         depths = self._depths(base.name)
         self._place(base, after)
         if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
             self._place(base, before)
             return False
         self._note_room(base)
-        return True
-
-    def _move_freely(self, base: Base, before: Three, after: Three) -> bool:
-        """Move a base if all obstacles are known to be farther away than it moves. Returns whether it was moved."""
-        room = self._rooms.get(base.name)
-        if room is None or room.at != self._data.qpos.tobytes():
-            return False
-        (x, z, turn), (to_x, to_z, to) = before, after
-        left = room.left - hypot(to_x - x, to_z - z) / 1000.0 - abs(to - turn) * room.reach
-        if left <= 0.0:
-            return False
-        self._place(base, after)
-        self._rooms[base.name] = Room(self._data.qpos.tobytes(), left, room.reach)
         return True
 
     def _note_room(self, base: Base) -> None:
@@ -308,6 +311,14 @@ class Motion(State):
             mine = np.flatnonzero(self._scene.stops & own).tolist()
             self._stopping[name] = [(one, others, (bounds[one] + bounds[others]) ** 2) for one in mine]
         return self._stopping[name]
+
+
+def _roll_along(drive: Drive, wheels: Arc, count: int) -> None:
+    """Let the wheels of a base measure how it has moved for some ticks."""
+    is_corrected = drive.corrected is not drive.odometry
+    for _ in range(count):
+        drive.odometry = along(drive.odometry, wheels)
+        drive.corrected = along(drive.corrected, wheels) if is_corrected else drive.odometry
 
 
 def _is_near(pose: Three) -> bool:

@@ -314,6 +314,20 @@ def test_ticks_at_once_are_the_same_as_one_by_one(tmp_path: Path, physics: bool)
     assert story(one_by_one, at_once=1) == digest
 
 
+def test_ticks_at_once_are_the_same_while_one_base_drives_and_a_wall_stops_it(tmp_path: Path) -> None:
+    digests, places = set(), []
+    for at_once in (1, 200):
+        room = world(tmp_path)
+        for speed, turn in ((900.0, 1.2), (900.0, 0.4), (900.0, 0.0), (-300.0, -0.5), (900.0, 0.3)):
+            room.drive("base", ahead=speed, turn=turn)
+            for _ in range(200 // at_once):
+                room.step(at_once)
+            places.append(room.odometry("base").x)
+        digests.add(room.digest())
+    assert len(digests) == 1
+    assert 1500.0 < max(places) < 1850.0  # half of its body is between there and the wall at 2000
+
+
 def test_another_process_sees_the_same(tmp_path: Path, room: World) -> None:
     code = (
         "import sys; from pathlib import Path; from tests.sim.test_world import world, story\n"
