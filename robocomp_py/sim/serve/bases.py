@@ -40,7 +40,10 @@ def state(world: World, base: str) -> dict[str, Any]:
 
 
 class BaseHandler(InstanceHandler):
-    """What both kinds of bases answer. Numbers that are not finite raise HardwareFailedException."""
+    """What both kinds of bases answer. Lengths are in mm, angles in rad, to the right.
+
+    Numbers that are not finite raise HardwareFailedException.
+    """
 
     def __init__(self, world: World, base: str, interface: Interface) -> None:
         self._world, self._base = world, base
@@ -58,12 +61,15 @@ class BaseHandler(InstanceHandler):
         return round(pose.x), round(pose.z), pose.turn
 
     def stopBase(self) -> None:
+        """Stop at once, as far as physics lets it."""
         self._world.drive(self._base)
 
     def resetOdometer(self) -> None:
+        """Let the odometry, and its correction, go on from 0."""
         self._world.set_odometry(self._base)
 
     def setOdometer(self, state: Any) -> None:
+        """Let the odometry, and its correction, go on from those of a TBaseState."""
         corrected = Pose(state.correctedX, state.correctedZ, state.correctedAlpha)
         try:
             self._world.set_odometry(self._base, state.x, state.z, state.alpha, corrected)
@@ -71,12 +77,14 @@ class BaseHandler(InstanceHandler):
             self._refuse(exc)
 
     def setOdometerPose(self, x: int, z: int, alpha: float) -> None:
+        """Let the odometry, and its correction, go on from a pose."""
         try:
             self._world.set_odometry(self._base, x, z, alpha)
         except ValueError as exc:
             self._refuse(exc)
 
     def correctOdometer(self, x: int, z: int, alpha: float) -> None:
+        """Let the correction go on from a pose. The odometry stays as it is."""
         try:
             self._world.correct_odometry(self._base, x, z, alpha)
         except ValueError as exc:

@@ -55,7 +55,7 @@ class LaserHandler(InstanceHandler):
         return self.getLaserData(), filled(self._state, values)
 
     def getLaserConfData(self) -> Any:
-        """What the file tells of the laser; angles in degrees there."""
+        """What the file tells of the laser: ranges in mm, and angles in degrees, unlike those of a scan."""
         values = self._laser.values
         rays, field = int(number_of(values["measures"])), math.degrees(number_of(values["angle"]))
         return filled(

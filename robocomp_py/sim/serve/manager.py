@@ -37,25 +37,28 @@ _POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Managed(Worker[Any]):
-    """The handlers of InnerModelManager, for a component that implements it."""
+    """The handlers of InnerModelManager, for a component that implements it. Lengths are in mm, angles in rad.
+
+    They raise the exception that the interface declares, with the code of what is wrong.
+    """
 
     _editing: Editing
 
     def InnerModelManager_addTransform(self, item: str, engine: str, base: str, pose: Any) -> bool:
         """Add a frame, `static` or `bullet`."""
-        with self._told("addTransform"):
+        with self._declared("addTransform"):
             self._editing.add_transform(item, engine, base, _pose(pose))
         return True
 
     def InnerModelManager_addJoint(self, item: str, base: str, j: Any) -> bool:
         """Add a joint. Joints with its `port` are one JointMotor."""
-        with self._told("addJoint"):
+        with self._declared("addJoint"):
             self._editing.add_joint(item, base, _pose(j.pose), j.axis, j.min, j.max, j.port)
         return True
 
     def InnerModelManager_addMesh(self, item: str, base: str, m: Any) -> bool:
         """Add a shape from a file."""
-        with self._told("addMesh"):
+        with self._declared("addMesh"):
             if m.render not in (0, 1):
                 raise self._error("addMesh", "InvalidValues", f"`render` is {m.render}: it is 0 or 1")
             scale = (m.scaleX, m.scaleY, m.scaleZ)
@@ -64,7 +67,7 @@ class Managed(Worker[Any]):
 
     def InnerModelManager_addPlane(self, item: str, base: str, plane: Any) -> bool:
         """Add a box."""
-        with self._told("addPlane"):
+        with self._declared("addPlane"):
             self._editing.add_plane(item, base, _box(plane))
         return True
 
@@ -84,103 +87,103 @@ class Managed(Worker[Any]):
 
     def InnerModelManager_setPose(self, base: str, item: str, pose: Any) -> bool:
         """Put a node where a pose says that is seen from `base`."""
-        with self._told("setPose"):
+        with self._declared("setPose"):
             self._editing.set_pose(base, item, _pose(pose))
         return True
 
     def InnerModelManager_setPoseFromParent(self, item: str, pose: Any) -> bool:
         """Put a node where a pose within its parent says."""
-        with self._told("setPoseFromParent"):
+        with self._declared("setPoseFromParent"):
             self._editing.set_pose_from_parent(item, _pose(pose))
         return True
 
     def InnerModelManager_getPose(self, base: str, item: str) -> tuple[bool, Any]:
         """The true pose of a node, seen from `base`."""
-        with self._told("getPose"):
+        with self._declared("getPose"):
             pose = self._editing.pose(base, item)
         return True, filled(self._output("getPose", 1), dict(zip(_POSE, pose, strict=True)))
 
     def InnerModelManager_getPoseFromParent(self, item: str) -> tuple[bool, Any]:
         """The true pose of a node within its parent."""
-        with self._told("getPoseFromParent"):
+        with self._declared("getPoseFromParent"):
             pose = self._editing.pose_from_parent(item)
         return True, filled(self._output("getPoseFromParent", 1), dict(zip(_POSE, pose, strict=True)))
 
     def InnerModelManager_setPlane(self, item: str, plane: Any) -> bool:
         """Set the place, the size and the texture of a box."""
-        with self._told("setPlane"):
+        with self._declared("setPlane"):
             self._editing.set_plane(item, _box(plane))
         return True
 
     def InnerModelManager_transform(self, base: str, item: str, coordInItem: Any) -> tuple[bool, Any]:
         """A point of the frame `item`, seen from `base`."""
-        with self._told("transform"):
+        with self._declared("transform"):
             matrix = self._editing.matrix(base, item)
         x, y, z, _ = (matrix @ (coordInItem.x, coordInItem.y, coordInItem.z, 1.0)).tolist()
         return True, filled(self._output("transform", 1), {"x": x, "y": y, "z": z})
 
     def InnerModelManager_getTransformationMatrix(self, base: str, item: str) -> Any:
         """The matrix that leads from `item` to `base`."""
-        with self._told("getTransformationMatrix"):
+        with self._declared("getTransformationMatrix"):
             matrix = self._editing.matrix(base, item)
         values = {"cols": 4, "rows": 4, "data": matrix.ravel().astype(np.float32)}
         return filled(self._output("getTransformationMatrix", 0), values)
 
     def InnerModelManager_setScale(self, item: str, scaleX: float, scaleY: float, scaleZ: float) -> bool:
         """Set the scale of a shape from a file."""
-        with self._told("setScale"):
+        with self._declared("setScale"):
             self._editing.set_scale(item, (scaleX, scaleY, scaleZ))
         return True
 
     def InnerModelManager_addAttribute(self, idNode: str, name: str, type: str, value: str) -> bool:
         """Add a note to a node."""
-        with self._told("addAttribute"):
+        with self._declared("addAttribute"):
             self._editing.add_note(idNode, name, type, value)
         return True
 
     def InnerModelManager_removeAttribute(self, idNode: str, name: str) -> bool:
         """Remove a note."""
-        with self._told("removeAttribute"):
+        with self._declared("removeAttribute"):
             self._editing.remove_note(idNode, name)
         return True
 
     def InnerModelManager_setAttribute(self, idNode: str, name: str, type: str, value: str) -> bool:
         """Change a note."""
-        with self._told("setAttribute"):
+        with self._declared("setAttribute"):
             self._editing.set_note(idNode, name, type, value)
         return True
 
     def InnerModelManager_getAttribute(self, idNode: str, name: str) -> tuple[bool, str, str]:
         """Type and value of a note."""
-        with self._told("getAttribute"):
+        with self._declared("getAttribute"):
             return True, *self._editing.note(idNode, name)
 
     def InnerModelManager_removeNode(self, item: str) -> bool:
         """Remove a node with all below it."""
-        with self._told("removeNode"):
+        with self._declared("removeNode"):
             self._editing.remove(item)
         return True
 
     def InnerModelManager_moveNode(self, src: str, dst: str) -> bool:
         """Put a node below another parent."""
-        with self._told("moveNode"):
+        with self._declared("moveNode"):
             self._editing.move(src, dst)
         return True
 
     def InnerModelManager_collide(self, a: str, b: str) -> bool:
         """Whether shapes at or below two nodes overlap."""
-        with self._told("collide"):
+        with self._declared("collide"):
             return self._editing.collide(a, b)
 
     def InnerModelManager_setPointCloudData(self, id: str, cloud: Any) -> None:
         """Set the points of a cloud."""
         points = np.array([(each.x, each.y, each.z) for each in cloud], dtype=float).reshape(-1, 3)
         colours = np.array([(each.r, each.g, each.b) for each in cloud], dtype=float).reshape(-1, 3)
-        with self._told("setPointCloudData"):
+        with self._declared("setPointCloudData"):
             self._editing.set_cloud(id, points, colours)
 
     @contextlib.contextmanager
-    def _told(self, name: str) -> Iterator[None]:
+    def _declared(self, name: str) -> Iterator[None]:
         """Errors of an edit become those that the interface declares."""
         from ..editing import EditError  # needs MuJoCo
 

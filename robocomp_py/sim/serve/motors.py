@@ -34,7 +34,11 @@ def _state(world: World, joint: str) -> dict[str, Any]:
 
 
 class JointMotorHandler(InstanceHandler):
-    """Answers for all joints of a port. Goals outside of a joint's limits are moved to the limit."""
+    """Answers for all joints of a port: in rad and rad/s, or in mm and mm/s for joints that slide.
+
+    Goals outside of a joint's limits are moved to the limit. An unknown joint raises UnknownMotorException, a number
+    that is not finite HardwareFailedException.
+    """
 
     def __init__(self, world: World, instance: str, joints: Mapping[str, Node], interface: Interface) -> None:
         self._world, self._instance, self._interface = world, instance, interface

@@ -30,8 +30,6 @@ BASES = ("differentialrobot", "omnirobot")
 MOTORS = ("JointMotor", "JointMotorPub")
 """The interfaces of the joints of one port."""
 
-_DEVICES = ("laser", "rgbd", "camera", "imu", "touchsensor", "display")
-
 CONTROL = ("Simulation", "InnerModelManager", "SimulationPub")
 """The interfaces of the component itself."""
 
@@ -90,7 +88,7 @@ def at_ports(tree: Tree, lidars: Collection[str]) -> dict[str, tuple[tuple[str, 
 
 
 def left_out(tree: Tree) -> dict[str, list[str]]:
-    """The devices that no interface provides, by the kind of device: `camera`, or `laser without rays`."""
+    """The devices that no interface provides, by what is wrong with them: "laser without `measures`"."""
     found: dict[str, list[str]] = {}
     for name in tree.ids:
         node = tree.node(name)
@@ -98,8 +96,6 @@ def left_out(tree: Tree) -> dict[str, list[str]]:
             found.setdefault("laser without `measures`", []).append(name)
         elif node.values.get("width") == 0:
             found.setdefault(f"{node.tag} without `width`", []).append(name)
-        elif node.tag in _DEVICES and node.tag not in INTERFACES:
-            found.setdefault(node.tag, []).append(name)
     return found
 
 

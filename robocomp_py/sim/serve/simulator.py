@@ -62,6 +62,12 @@ log = logging.getLogger("robocomp.sim")
 _PICTURES = "CameraSimplePub", "CameraRGBDSimplePub"
 """Topics of cameras."""
 
+_ALL_PORTS = ""
+"""In the place of a port: a camera draws once for all of its topics, so its publication is that of all their ports."""
+
+_SCENE = ""
+"""In the place of an instance: SimulationPub tells of the whole scene."""
+
 
 class Simulator(Controlled, Managed):
     """Simulates the file of the parameter `scene`, which is looked for in the component's folder.
@@ -107,14 +113,14 @@ class Simulator(Controlled, Managed):
         self._studio = Studio(suspended, in_process=in_process, remote=self.remote)
         self._editing, self._saved = Editing(self.world), {}
         self._publications: dict[tuple[str, str], Callable[[], None]] = {}
-        """By the port, and the name of the instance. That of a camera, which may have several ports, has none."""
+        """By the port and the name of the instance, or `_ALL_PORTS` and `_SCENE`; in the order of publishing."""
         self._pictures: dict[str, CameraPublication] = {}
         """By camera."""
         self._provide()
         for port in self.component.ports:
             if port.interface.short == "SimulationPub" and port not in self.component.named:
                 progress, proxy = Progress(self.world, self._pace, port), getattr(self, port.attribute)
-                self._publications[port.name, ""] = partial(_if_heard, proxy, partial(_tell, progress, proxy))
+                self._publications[port.name, _SCENE] = partial(_if_heard, proxy, partial(_tell, progress, proxy))
 
     def _provide(self) -> None:
         """Add what the scene has and the network declares, and remove what the scene has no longer."""
@@ -148,14 +154,14 @@ class Simulator(Controlled, Managed):
             self._publications[port.name, name] = partial(_if_heard, proxy, self._publication(port, name, proxy))
             return
         if name not in self._pictures:
-            self._publications["", name] = self._pictures[name] = CameraPublication(self._camera(name))
+            self._publications[_ALL_PORTS, name] = self._pictures[name] = CameraPublication(self._camera(name))
         self._pictures[name].add(port, proxy)
 
     def _withdraw(self, port: Port, name: str) -> None:
         """Publish it no longer."""
         self._publications.pop((port.name, name), None)
         if port.interface.short in _PICTURES and name in self._pictures and self._pictures[name].remove(port):
-            del self._pictures[name], self._publications["", name]
+            del self._pictures[name], self._publications[_ALL_PORTS, name]
 
     def compute(self) -> None:
         """Go on to the present time, and publish what has subscribers."""
