@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.metadata import EntryPoints
 from pathlib import Path
 
 import pytest
@@ -105,7 +104,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """No package offers anything."""
-    monkeypatch.setattr(installed, "entry_points", lambda: EntryPoints(()))
+    monkeypatch.setattr(installed, "entry_points", list)
 
 
 def generated(tmp_path: Path) -> Path:
