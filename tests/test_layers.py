@@ -21,7 +21,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py": {"numpy", "typing", "robocomp_py.client", "robocomp_py.errors"},
     "robocomp_py.errors": {"numpy", "robocomp_py.contract"},
     "robocomp_py.spelling": {"numpy", "robocomp_py.contract"},
-    "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract"},
+    "robocomp_py.installed": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.contract", "importlib.metadata"},
     "robocomp_py.contract.module": BUILD
     | MIDDLEWARES
     | {"numpy", "robocomp_py.wire", "robocomp_py.transports", "msgpack"},
@@ -58,7 +58,9 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.lockstep.lockstep": BUILD | MIDDLEWARES | {"msgpack", "robocomp_py.classic", "robocomp_py.virtual"},
     "robocomp_py.contract.told": BUILD | MIDDLEWARES | {"robocomp_py.wire", "robocomp_py.transports", "msgpack"},
     "robocomp_py.wire.json": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime", "msgpack"},
-    "robocomp_py.tools.census": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.tools.census": BUILD
+    | MIDDLEWARES
+    | {"numpy", "importlib.metadata", "robocomp_py.runtime", "robocomp_py.transports.network", "msgpack"},
     "robocomp_py.tools.doctor.checks": BUILD | MIDDLEWARES | {"msgpack"},
     "robocomp_py.tools.doctor.collect": BUILD | MIDDLEWARES | {"msgpack"},
     "robocomp_py.tools.drift": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack"},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
 from collections import Counter
@@ -219,6 +218,8 @@ class _Table:
     """Prints comma-separated values, as RFC 4180 has them, but with plain line ends."""
 
     def __init__(self, topics: Sequence[Channel], views: _Views, options: argparse.Namespace) -> None:
+        import csv
+
         self._views, self._stamps, self._origin = views, options.stamps, _Origin(topics)
         self._writer = csv.writer(sys.stdout, lineterminator="\n")
         self._is_terminal = sys.stdout.isatty()

@@ -25,11 +25,11 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..contract.component import Port
 from ..contract.interface import Operation, Pattern, Verb
 from ..wire import names
 
 if TYPE_CHECKING:
+    from ..contract.component import Port
     from ..transports.base import Link, Reply
     from .route import Route
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -16,7 +15,6 @@ from ..closing import Closing
 from ..errors import ConfigurationError, DeploymentError, Refused, TransportError
 from ..spelling import unknown
 from ..transports.deployment import deployment_of
-from ..transports.permissions import OPERATOR
 from ..transports.runtime_folder import runtime_dir
 from .census import Seen, check_names, of_programs, take_census, take_each
 from .network import Channel, End, Network
@@ -170,6 +168,8 @@ class Hosts(Closing):
         """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
         if not (self._network or self._keys):
             return {}
+        from ..transports.permissions import OPERATOR  # with no such network, a tool does without
+
         helpers = [each for plan in plans.values() for each in plan.get("helpers", ()) if each["keys"]]
         found: dict[str, Mapping[str, Any]] = {}
         for each in sorted(helpers, key=lambda each: bool(each["host"])):  # that of this host first
@@ -223,6 +223,10 @@ def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:
 
     Those with keys admit operators only.
     """
+    if not plans:
+        return {}
+    import tomllib  # without a plan, a tool does without
+
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for plan in plans.values():
         keyed = {each["middleware"] for each in plan.get("helpers", ()) if each["keys"]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
@@ -111,7 +110,7 @@ class Traffic:
         intervals = self._intervals()
         if not sum(intervals):
             return None
-        return Rate(1 / statistics.fmean(intervals), min(intervals), max(intervals))
+        return Rate(len(intervals) / math.fsum(intervals), min(intervals), max(intervals))
 
     def sizes(self) -> Sizes | None:
         """None before the second message."""
@@ -119,7 +118,7 @@ class Traffic:
         if rate is None:
             return None
         octets = [each.octets for each in self._counted()]
-        mean = statistics.fmean(octets)
+        mean = sum(octets) / len(octets)
         return Sizes(mean * rate.hz, min(octets), mean, max(octets))
 
     def ages(self) -> Ages | None:
@@ -127,7 +126,8 @@ class Traffic:
         ages = sorted(each.age for each in self._counted() if not math.isnan(each.age))
         if not ages:
             return None
-        return Ages(statistics.median(ages), ages[math.ceil(0.99 * len(ages)) - 1])
+        middle = (ages[(len(ages) - 1) // 2] + ages[len(ages) // 2]) / 2
+        return Ages(middle, ages[math.ceil(0.99 * len(ages)) - 1])
 
     def _intervals(self) -> list[float]:
         return [later.at - earlier.at for earlier, later in pairwise(self._latest)]

@@ -4,12 +4,12 @@
     NAME = "MODULE:CLASS"      a subclass of `Deployment`, under the name of the transport
 
 `rcdeploy`, the checkers and the pictures read it on machines where the middleware is not installed. So its module must
-not import the middleware. A transport without a deployment side works on one host, and `security lan` refuses it.
+not import the middleware, nor at its top what only plans of networks need: tools that look at what runs import it, too.
+A transport without a deployment side works on one host, and `security lan` refuses it.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from .. import installed
-from ..contract.parameters import Complaint, Key
-from .network import Helper, Network, Placement, Refusal, Wiring
-from .permissions import Graph
 
 if TYPE_CHECKING:
     from ..contract.component import Component, Port
+    from ..contract.parameters import Complaint, Key
     from .census import Told
+    from .network import Helper, Network, Placement, Wiring
+    from .permissions import Graph
 
 OTHER_COLOUR = "#1f6fb2"
 
@@ -130,10 +130,14 @@ class Deployment:
 
         A `port` of an instance is that of its first interface. What other transports use of it begins behind its last.
         """
+        from .network import Placement
+
         return Placement()
 
     def wire(self, network: Network) -> Wiring:
         """How instances find each other, given all that the transport carries between them."""
+        from .network import Refusal, Wiring
+
         why = f" ({self.missing})" if self.missing else ""
         hint = f"name another one, {network.default} say, or leave it open"
         return Wiring(
@@ -245,6 +249,8 @@ def is_loopback(address: str) -> bool:
     For `tcp`, `tls`, `udp`, `quic`, `ws` and no kind the host decides. `here`, `ipc`, `inproc`, `unixsock-stream` and
     `unixpipe` are local, all other kinds are not.
     """
+    import ipaddress
+
     kind, _, rest = address.partition("://") if "://" in address else address.partition("/")
     if not rest:
         rest = address

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..census import Told
 from ..deployment import Deployment, Reached
-from ..network import Network, Refusal, Wiring, block_of
+
+if TYPE_CHECKING:
+    from ..network import Network, Wiring
 
 FIRST_DOMAIN = 100
 """First domain of networks on several hosts. Only programs configured for such a domain join it."""
@@ -34,6 +36,8 @@ class DDSDeployment(Deployment):
         return census(options)
 
     def wire(self, network: Network) -> Wiring:
+        from ..network import Refusal, Wiring, block_of  # only plans need these
+
         refusals = tuple(
             Refusal(
                 way,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ...contract.parameters import Complaint
-from .. import iceoptions
 from ..deployment import Completion, Deployment, Incomplete, Reached
-from ..iceoptions import IceEndpoint, IceOptions
-from ..network import Network, Placement, Wiring
+
+if TYPE_CHECKING:
+    from ...contract.parameters import Complaint
+    from ..iceoptions import IceEndpoint, IceOptions
+    from ..network import Network, Placement, Wiring
 
 
 class IceDeployment(Deployment):
@@ -28,10 +29,14 @@ class IceDeployment(Deployment):
         return places.find(network)
 
     def wire(self, network: Network) -> Wiring:
+        from ..network import Wiring
+
         return Wiring()
 
     def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
-        return iceoptions.examine(options)
+        from ..iceoptions import examine  # only a component that may use Ice needs these options
+
+        return examine(options)
 
     def complete(self, options: Mapping[str, Any], of: Incomplete) -> Iterator[Complaint | Completion]:
         from . import ports  # only for a component that may use Ice
@@ -46,15 +51,21 @@ class IceDeployment(Deployment):
         return {"storm": options["storm"], **({"host": host} if host else {})}
 
     def outside(self, options: Mapping[str, Any], channel: str) -> str:
-        return iceoptions.read(options).proxy_of(channel) or ""
+        from ..iceoptions import read
+
+        return read(options).proxy_of(channel) or ""
 
     def reaching(self, programs: Mapping[str, str]) -> Mapping[str, Any]:
-        return {"proxies": {iceoptions.key_of(channel): proxy for channel, proxy in programs.items()}}
+        from ..iceoptions import key_of
+
+        return {"proxies": {key_of(channel): proxy for channel, proxy in programs.items()}}
 
     def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
+        from .. import iceoptions
+
         told = iceoptions.read(options)
         served = [each for text in told.endpoints.values() for each in iceoptions.parse_endpoints(text)]
-        for each in (IceEndpoint("tcp", told.host), *served):
+        for each in (iceoptions.IceEndpoint("tcp", told.host), *served):
             yield Reached("listens at", _address(each, told))
         said = [] if told.storm == iceoptions.STORM else [told.storm]  # else it is wherever we are
         for text in (*told.proxies.values(), *said):

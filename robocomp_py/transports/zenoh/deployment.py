@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..census import Told
 from ..deployment import Deployment, Reached
-from ..network import Helper, Network, Refusal, Wiring, named
-from ..permissions import Graph
+
+if TYPE_CHECKING:
+    from ..network import Helper, Network, Refusal, Wiring
+    from ..permissions import Graph
 
 
 class ZenohDeployment(Deployment):
@@ -30,6 +32,8 @@ class ZenohDeployment(Deployment):
         return census(options)
 
     def wire(self, network: Network) -> Wiring:
+        from ..network import Wiring  # only plans need it
+
         crossing = network.crossing()
         refusals = tuple(_clashes(network))
         hosts, encrypted = network.hosts(crossing), network.encrypted
@@ -98,10 +102,14 @@ class ZenohDeployment(Deployment):
 
 def router(host: str, options: Mapping[str, Any], *addresses: str) -> Helper:
     """The router of a host."""
+    from ..network import Helper
+
     return Helper("zenoh", host, options, "zenoh-router", "Zenoh", (*addresses, "127.0.0.1"))
 
 
 def _clashes(network: Network) -> Iterator[Refusal]:
+    from ..network import Refusal, named
+
     first: dict[str, str] = {}
     crossing = network.crossing()
     for host in network.hosts(crossing):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..deployment import Deployment, Reached
-from ..network import PORTS, Network, Refusal, Site, Wiring
+
+if TYPE_CHECKING:
+    from ..network import Network, Site, Wiring
 
 
 class ZeroMQDeployment(Deployment):
@@ -20,6 +22,8 @@ class ZeroMQDeployment(Deployment):
     modules = (("zmq", "pyzmq"), ("msgpack", "msgpack"))
 
     def wire(self, network: Network) -> Wiring:
+        from ..network import PORTS, Refusal, Wiring  # only plans need these
+
         crossing = network.crossing()
         lacking = {site.instance for site in network.without_port(network.sites)}
         hint = "give it one of its own: port 7411;"
