@@ -7,10 +7,12 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from typing import Protocol, cast
 
 from ..arguments import Parser
+from ..garbage import rare_collection
 from . import completing
 from .common import add_version, command, parser
 
@@ -131,6 +133,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return answer(completer, given)
     if given[:1] == [RUN]:
         return _run(given)
+    with rare_collection() if arguments is None else nullcontext():  # without arguments, the process is this command
+        return _do(given)
+
+
+def _do(given: Sequence[str]) -> int:
     name = next((word for word in given if not word.startswith("-")), "")
     options, rest = parser_for(name).parse_known_args(given)
     if getattr(options, "arguments", None) == [] and not any(word.startswith("-") for word in rest):
