@@ -33,7 +33,8 @@ examples:
 
 With --live, what is declared and not there is red, and what is there and not declared is grey and dotted. An arrow
 has the messages or calls of one second, and the median and the 99th percentile of durations: of calls the round trip,
-of messages the run of the subscriber's handler. It is thick if it fails, loses messages, or is near a deadline.
+of messages the run of the subscriber's handler. It is thick if it fails, loses messages, or is near a deadline. A
+topic without a subscriber ends at a small circle; in JSON its `to` is empty.
 
 exit status: 0 fine, 1 the file is wrong or what runs cannot be seen, 2 usage, 3 a host is out of reach
 """

@@ -15,6 +15,9 @@ _LETTER, _SMALL, _LINE = 8.2, 6.3, 13.0
 
 _MARGIN, _PADDING, _TITLE, _BOX = 16.0, 16.0, 26.0, 46.0
 _LEGEND = 34.0
+_END = 9.0
+"""The size of the open end of an arrow."""
+
 _MOST = 5
 """Maximum number of interfaces at an arrow; the rest is counted."""
 
@@ -44,6 +47,7 @@ _STYLE = """\
 """
 
 _LIVE_STYLE = f"""\
+  circle.end {{ fill: none; stroke-width: 1.5 }}
   text.figures {{ font-size: 10px; fill: #2d3e50 }}
   rect.missing {{ fill: #fdecec; stroke: {_MARKED[Mark.MISSING]}; stroke-width: 2 }}
   path.missing {{ stroke-width: 2.5 }}
@@ -71,9 +75,12 @@ class _Exit:
 
 @dataclass(eq=False)
 class _Area:
-    """The size and the position of a group or an instance, with all that it contains."""
+    """The size and the position of a group or an instance, with all that it contains.
 
-    what: Group | Node
+    The open end of an arrow has one, too: that of an edge.
+    """
+
+    what: Group | Node | Edge
     size: Point = (0.0, 0.0)
     inner: dict[str, _Area] = field(default_factory=dict)
     places: Mapping[str, Point] = field(default_factory=dict)
@@ -93,6 +100,10 @@ class _Drawing:
         """The keys of the areas around an instance and its own, outermost first."""
         self._numbers = {node: number for number, node in enumerate(graph.root.nodes())}
         self._root = self._area(graph.root, (), ())
+        self._open = {edge: f"end {number}" for number, edge in enumerate(graph.edges) if not edge.target}
+        """The names of open ends, which stand beside the sources of their arrows."""
+        for edge, name in self._open.items():
+            self._add_open(edge, name)
 
     def _area(self, what: Group | Node, path: tuple[str, ...], around: tuple[_Area, ...]) -> _Area:
         area = _Area(what)
@@ -104,6 +115,16 @@ class _Drawing:
             key = str(number)
             area.inner[key] = self._area(each, (*path, key), (area, *around))
         return area
+
+    def _add_open(self, edge: Edge, name: str) -> None:
+        around, area = self._areas[edge.source][1:], _Area(edge)
+        around[0].inner[name] = area
+        self._areas[name] = (area, *around)
+        self._paths[name] = (*self._paths[edge.source][:-1], name)
+
+    def _names(self, edge: Edge) -> tuple[str, str]:
+        """What is at its ends."""
+        return edge.source, edge.target or self._open[edge]
 
     def svg(self) -> str:
         self._arrange(self._root, (), [])
@@ -131,6 +152,9 @@ class _Drawing:
 
     def _arrange(self, area: _Area, path: tuple[str, ...], leaving: Sequence[_Exit]) -> None:
         """Place everything in it. `leaving` are the ends of arrows that must reach its border."""
+        if isinstance(area.what, Edge):
+            area.size = (_END, _END + _PADDING / 2)  # it does not touch a border below
+            return
         if isinstance(area.what, Node):
             texts = len(area.what.short) * _LETTER, len(area.what.component) * _SMALL
             figures = [_ROOM * _SMALL] if area.what.figures else []
@@ -180,13 +204,14 @@ class _Drawing:
 
     def _ends(self, edge: Edge, depth: int) -> tuple[str, str]:
         """In what of a group, so deep inside of others, the ends of an arrow are; nothing for one that is elsewhere."""
-        one, other = ((*self._paths[name], "")[depth : depth + 1] for name in (edge.source, edge.target))
+        one, other = ((*self._paths[name], "")[depth : depth + 1] for name in self._names(edge))
         return "".join(one), "".join(other)
 
     def _around(self, edge: Edge) -> tuple[str, ...]:
         """The path of the innermost group that has both ends in it."""
         common: list[str] = []
-        for one, other in zip(self._paths[edge.source][:-1], self._paths[edge.target][:-1], strict=False):
+        source, target = self._names(edge)
+        for one, other in zip(self._paths[source][:-1], self._paths[target][:-1], strict=False):
             if one != other:
                 break
             common.append(one)
@@ -204,7 +229,7 @@ class _Drawing:
         """Where arrows begin and end: side by side on the borders of boxes, in the order in which they come."""
         meeting: dict[tuple[str, bool], list[tuple[float, int, Edge, int]]] = {}
         for number, edge in enumerate(self._graph.edges):
-            for end, name in enumerate((edge.source, edge.target)):
+            for end, name in enumerate(self._names(edge)):
                 group = self._areas[name][1]
                 if edge in group.routes:
                     route = group.routes[edge]
@@ -241,7 +266,7 @@ class _Drawing:
     def _leg(self, edge: Edge, end: int) -> tuple[list[Point], _Area]:
         """From a box through all groups to the one that has the other end in it, too; and that one."""
         points = [self._tips[edge, end]]
-        for area in self._areas[(edge.source, edge.target)[end]][1:]:
+        for area in self._areas[self._names(edge)[end]][1:]:
             if edge in area.routes:
                 return points, area
             route, (x, y) = area.exits[edge, end]
@@ -257,6 +282,10 @@ class _Drawing:
 
     def _boxes(self, area: _Area) -> Iterator[str]:
         (x, y), (width, height), what = area.corner, area.size, area.what
+        if isinstance(what, Edge):
+            circle = f'cx="{x + width / 2:.1f}" cy="{y + width / 2:.1f}" r="{width / 2:.1f}"'
+            yield f'<circle class="end" {circle} stroke="{_colour_of(what)}"/>'
+            return
         place = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"'
         if isinstance(what, Node):
             middle, alone = x + width / 2, what.component.lower() == what.short.lower()
@@ -280,7 +309,7 @@ class _Drawing:
     def _titles(self, root: _Area) -> Iterator[str]:
         for area in _every(root):
             (x, y), group = area.corner, area.what
-            if isinstance(group, Node) or group.kind is Around.NETWORK:
+            if not isinstance(group, Group) or group.kind is Around.NETWORK:
                 continue
             width = len(_heading(group)) * _LETTER * 0.93
             kind = f'<tspan class="kind" style="font-weight:normal;fill:#5b6d80">{group.kind}</tspan>'
@@ -342,10 +371,10 @@ def _label_size(edge: Edge) -> Point:
 
 
 def _tooltip(edge: Edge) -> str:
-    verb = "publishes to" if edge.topic else "calls"
+    verb = "calls" if not edge.topic else "publishes to" if edge.target else "publishes, without a subscriber"
     over = f", over {edge.middleware}" if edge.middleware else ""
     mark = f" ({_NAMED[edge.mark]})" if edge.mark else ""
-    return f"{edge.source} {verb} {edge.target}: {', '.join(edge.interfaces)}{over}{mark}"
+    return f"{edge.source} {verb}{edge.target and f' {edge.target}'}: {', '.join(edge.interfaces)}{over}{mark}"
 
 
 def _colour(middleware: str) -> str:

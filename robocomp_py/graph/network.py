@@ -71,6 +71,7 @@ class Edge:
 
     source: str
     target: str
+    """"" for a topic that has no subscriber."""
     topic: bool
     middleware: str
     """What carries it; nothing if that is not known from here."""

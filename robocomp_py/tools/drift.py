@@ -4,6 +4,8 @@ declared, and runs             present
 declared, and does not run     missing: an instance, or a use that is not connected over the declared middleware
 declared, and not visible      unseen: on a host that is not looked at, within one process, or without contracts
 runs, and is not declared      undeclared: what uses the instances of the network, or is used by them
+
+Beside these uses, there are the topics of instances to which nothing subscribes, and is not declared to.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Any
 
 from ..contract.interface import Pattern, Verb
 from ..wire import names
+from .actions import offered
 from .network import Channel, End, Network, Process
 
 _BEHAVIOR = "CommonBehavior"
@@ -47,13 +50,14 @@ class Use:
     """One operation that a client uses of a provider, or one topic that a subscriber hears of a publisher."""
 
     client: str
+    """"" for a topic that has no subscriber."""
     provider: str
     channel: str
     middleware: str
     is_topic: bool
     presence: Presence
     pid: int = 0
-    """The process of the client; 0 if no process is known, or more than one."""
+    """The process of the client, or of the publisher if there is no client; 0 if not exactly one is known."""
     owner: str = ""
     """The client's own name, if the use is not declared; "?" if it has none."""
 
@@ -67,6 +71,8 @@ class Drift:
     network: str
     instances: tuple[Instance, ...]
     uses: tuple[Use, ...]
+    unheard: tuple[Use, ...] = ()
+    """The topics without a subscriber. Subscribers within the publisher's process are not announced."""
 
     def uses_of(self, presence: Presence) -> list[Use]:
         return [each for each in self.uses if each.presence is presence]
@@ -85,11 +91,33 @@ def compare(plan: Mapping[str, Any], network: Network, tellers: Mapping[str, Col
         comparison = _Comparison(plan, network, tellers)
         instances, declared = comparison.declared_instances(), list(comparison.declared_uses())
         undeclared = list(comparison.undeclared_uses())
+        unheard = tuple(comparison.unheard())
     except (KeyError, TypeError, AttributeError, ValueError) as exc:
         raise ValueError(f"the plan of a network is of another version ({exc!r})") from exc
     return Drift(
-        comparison.name, (*instances, *comparison.strangers.values()), tuple(dict.fromkeys((*declared, *undeclared)))
+        comparison.name,
+        (*instances, *comparison.strangers.values()),
+        tuple(dict.fromkeys((*declared, *undeclared))),
+        unheard,
     )
+
+
+def unheard(network: Network) -> list[Channel]:
+    """The topics that are published and have no subscriber. An action may have no client now, so its parts are left
+    out."""
+    parts = {part.name for each in offered(network).values() for part in each.parts.values()}
+    return [
+        channel
+        for channel in network.channels.values()
+        if channel.pattern is Pattern.PUBLISH and channel.providers and not channel.users and channel.name not in parts
+    ]
+
+
+def _unheard(channel: Channel, provider: End, name: str, presence: Presence) -> Use:
+    """One topic of a publisher, whatever it is announced over."""
+    over = {each.middleware for each in channel.providers if each.process == provider.process}
+    middleware = provider.middleware if len(over) == 1 else ""
+    return Use("", name, channel.name, middleware, True, presence, provider.told.pid)
 
 
 def observed(network: Network) -> Drift:
@@ -113,7 +141,12 @@ def observed(network: Network) -> Drift:
         for user in channel.users
         if (provider.told.owner, provider.process) != (user.told.owner, user.process)
     )
-    return Drift("", tuple(instances), tuple(dict.fromkeys(uses)))
+    without = (
+        _unheard(channel, each, called[each.told.owner, each.process], Presence.PRESENT)
+        for channel in unheard(network)
+        for each in channel.providers
+    )
+    return Drift("", tuple(instances), tuple(dict.fromkeys(uses)), tuple(dict.fromkeys(without)))
 
 
 def _names_of(network: Network) -> dict[tuple[str, Process], str]:
@@ -200,6 +233,24 @@ class _Comparison:
                 if providers[0].process == user.process or not (inside or providers[0].process in self._inside):
                     continue
                 yield self._undeclared(channel, providers[0], user)
+
+    def unheard(self) -> Iterator[Use]:
+        """The topics without a subscriber, of declared instances and of strangers that are noted already.
+
+        Those that are declared to have one are uses.
+        """
+        declared = {(str(way["provider"]), name) for way in self._ways for name, _ in _channels_of(way)}
+        found: dict[Use, None] = {}
+        for channel in unheard(self._network):
+            for each in channel.providers:
+                is_stranger = each.process not in self._inside
+                if is_stranger and (each.told.owner, each.process) not in self.strangers:
+                    continue
+                name = self._instance_of(each)
+                if (name, channel.name) not in declared:
+                    presence = Presence.UNDECLARED if is_stranger else Presence.PRESENT
+                    found[_unheard(channel, each, name, presence)] = None
+        yield from found
 
     def _is_declared(self, client: str, channel: str, ways: Sequence[tuple[str, str]]) -> bool:
         """Whether a client uses a channel as it is declared, or does so where it cannot be seen."""

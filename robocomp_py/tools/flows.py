@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..runtime.RoboCompIntrospection import Description
 from ..wire import names
@@ -48,7 +48,23 @@ class Told:
 def flows(drift: Drift, told: Mapping[str, Told]) -> dict[Use, Flow]:
     """By use; `told` is by the whole names of components."""
     who = {each.name: _Side(answers_of(each, told)) for each in drift.instances}
-    return {each: _flow(each, who.get(each.client, _NOBODY), who.get(each.provider, _NOBODY)) for each in drift.uses}
+    every = (*drift.uses, *drift.unheard)
+    return {each: _flow(each, who.get(each.client, _NOBODY), who.get(each.provider, _NOBODY)) for each in every}
+
+
+def without_subscriber(drift: Drift, told: Mapping[str, Told]) -> Drift:
+    """The same drift, without the topics to which a component subscribes within the process of their publisher."""
+    ends = [
+        (each.about.pid, end.channel)
+        for each in told.values()
+        if each.about
+        for end in each.about.ends
+        if end.verb == "subscribesTo" and end.channel
+    ]
+    alone = (
+        each for each in drift.unheard if not any(each.pid == pid and _means(to, each.channel) for pid, to in ends)
+    )
+    return replace(drift, unheard=tuple(alone))
 
 
 def answers_of(instance: Instance, told: Mapping[str, Told]) -> Told | None:

@@ -14,7 +14,7 @@ from . import asking
 from .access import Access
 from .census import Seen
 from .drift import Drift, compare, observed
-from .flows import Flow, Told, flows
+from .flows import Flow, Told, flows, without_subscriber
 from .measure import Load, load
 from .network import TOOL, Network
 
@@ -72,6 +72,7 @@ class Lookout:
             raise ConfigurationError(f"{exc}; start the network again") from exc
         names = asking.components(network)
         told = self._rounds.ask(network, names, _PATIENCE)
+        drift = without_subscriber(drift, told)
         silent = frozenset(names) - set(told)
         return Look(drift, told, silent, flows(drift, told), plan, tuple(seen.troubles), time.time())
 

@@ -140,3 +140,33 @@ def test_a_program_without_contracts_is_unseen() -> None:
 def test_a_plan_of_another_version_is_refused(broken: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="is of another version"):
         compare(broken, Network(()))
+
+
+def unheard(*ends, of=None):  # type: ignore[no-untyped-def]
+    """The topics without a subscriber, as the publisher and the channel."""
+    return {(each.provider, each.channel, each.presence) for each in compare(of or plan(), Network(ends)).unheard}
+
+
+def test_a_topic_without_a_subscriber_belongs_to_its_publisher() -> None:
+    assert unheard(NEWS, *THERE) == {("world", "world/Everything/news", Presence.PRESENT)}
+    assert unheard(NEWS, EYE, *THERE) == set()
+
+
+def test_a_topic_that_is_declared_to_have_a_subscriber_is_a_use() -> None:
+    assert unheard(NEWS, *THERE, of=plan(HEARD)) == set()
+
+
+def test_a_stranger_has_topics_without_subscribers_if_it_is_shown_at_all() -> None:
+    topic = end("spy", "publishes", "spy/Everything/news", pid=8)
+    assert unheard(topic, *THERE) == set()
+    asking = end("spy", "calls", "world/Everything/divide", pid=8)
+    shown = ("spy (process 8)", "spy/Everything/news", Presence.UNDECLARED)
+    assert unheard(topic, asking, WORLD, *THERE) == {shown}
+
+
+def test_an_action_without_a_client_publishes_nothing_that_should_be_heard() -> None:
+    action = [end("world", role, f"world/Gripper/grip-{part}") for role, part in ACTION]
+    assert unheard(*action, *THERE) == set()
+
+
+ACTION = (("serves", "start"), ("serves", "result"), ("publishes", "status"), ("publishes", "feedback"))

@@ -12,7 +12,7 @@ from robocomp_py.runtime.effective import toml
 from robocomp_py.runtime.RoboCompIntrospection import Description, Measure, Measures
 from robocomp_py.runtime.RoboCompIntrospection import End as ToldEnd
 from robocomp_py.tools.drift import Drift, compare
-from robocomp_py.tools.flows import Flow, Told, flows, merged
+from robocomp_py.tools.flows import Flow, Told, flows, merged, without_subscriber
 from robocomp_py.tools.measure import load
 from robocomp_py.tools.network import Network
 
@@ -95,3 +95,20 @@ def test_several_together_have_all_rates_and_the_longest_durations() -> None:
     found = merged([Flow(5.0, 0.1, 0.2, 1, 2), Flow(2.0, 0.3, 0.4, 10, 20, True), Flow()])
     assert found == Flow(7.0, 0.3, 0.4, 11, 22, True)
     assert math.isnan(merged([Flow()]).rate)
+
+
+ALONE: Drift = compare(plan(), Network((NEWS, *THERE)))
+
+
+def test_a_topic_without_a_subscriber_has_the_rate_of_its_publisher() -> None:
+    (news,) = ALONE.unheard
+    world = told("world", counted("publishes", "world/Everything/news", 200, 0.0001))
+    found = flows(ALONE, {"world": world})[news]
+    assert (found.rate, found.lost, found.is_strained) == (10.0, 0, False)
+    assert math.isnan(found.p50)
+
+
+def test_a_subscriber_within_the_process_of_the_publisher_is_one() -> None:
+    hears = ToldEnd(verb="subscribesTo", channel="*/Everything/news")
+    assert without_subscriber(ALONE, {"world": told("world", ends=(hears,))}).unheard == ()
+    assert without_subscriber(ALONE, {"eye": told("eye", ends=(hears,))}) == ALONE

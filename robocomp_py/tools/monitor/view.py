@@ -40,7 +40,7 @@ def picture(look: Look, arrows: Sequence[Connection] | None = None) -> Graph:
 def connections(look: Look) -> list[Connection]:
     """In the order of the graph's arrows."""
     found: dict[tuple[Any, ...], list[Use]] = {}
-    for use in look.drift.uses:
+    for use in (*look.drift.uses, *look.drift.unheard):
         ends = (use.provider, use.client) if use.is_topic else (use.client, use.provider)
         found.setdefault((*ends, use.is_topic, use.middleware, use.presence), []).append(use)
     prefixes = {each.name: each.prefix for each in look.drift.instances}
@@ -100,18 +100,23 @@ def _connection(
     flow = merged([look.flows.get(use, Flow()) for use in uses])
     interfaces = tuple(dict.fromkeys(_interface(use, prefixes) for use in uses))
     mark = _MARKS.get(presence, Mark.NONE)
-    lines = tuple(_flow_lines(flow, mark))
+    lines = tuple(_flow_lines(flow, mark)) if target else (_rate(flow), _UNHEARD)
     edge = Edge(source, target, is_topic, middleware, interfaces, mark, lines, flow.is_strained)
     return Connection(edge, flow, tuple(uses))
 
 
 def _flow_lines(flow: Flow, mark: Mark) -> Iterator[str]:
-    rate, p50, p99 = number(flow.rate), milliseconds(flow.p50), milliseconds(flow.p99)
+    p50, p99 = milliseconds(flow.p50), milliseconds(flow.p99)
     durations = f"{p50} / {p99} ms" if p50 else ""
-    yield "missing" if mark is Mark.MISSING else " · ".join(filter(None, (rate and f"{rate}/s", durations)))
+    yield "missing" if mark is Mark.MISSING else " · ".join(filter(None, (_rate(flow), durations)))
     if flow.failed or flow.lost:
         counted = ((flow.failed, "failed"), (flow.lost, "lost"))
         yield ", ".join(f"{many} {what}" for many, what in counted if many)
+
+
+def _rate(flow: Flow) -> str:
+    rate = number(flow.rate)
+    return rate and f"{rate}/s"
 
 
 def _interface(use: Use, prefixes: Mapping[str, str]) -> str:
@@ -199,6 +204,7 @@ def _summary(look: Look, nodes: Sequence[Node], arrows: Sequence[Connection]) ->
         (sum(each.presence is Presence.MISSING for each in look.drift.uses), "connections missing"),
         (sum(each.mark is Mark.UNDECLARED for each in nodes), "components not in the model"),
         (sum(each.presence is Presence.UNDECLARED for each in look.drift.uses), "connections not in the model"),
+        (len(look.drift.unheard), "topics without a subscriber"),
         (strained, "in trouble: silent, failing, losing, or near a deadline"),
     )
     parts = [f"{len(nodes)} components", f"{len(look.drift.uses)} connections"]
@@ -251,7 +257,7 @@ def _rows(place: int, connection: Connection, look: Look) -> Iterator[dict[str, 
             "over": use.middleware,
             "mark": str(edge.mark),
             "strained": flow.is_strained,
-            "state": "in trouble" if flow.is_strained else _WORDS.get(edge.mark, ""),
+            "state": "in trouble" if flow.is_strained else _WORDS.get(edge.mark, "" if use.client else _UNHEARD),
             "rate": number(flow.rate),
             "p50": milliseconds(flow.p50),
             "p99": milliseconds(flow.p99),
@@ -259,6 +265,8 @@ def _rows(place: int, connection: Connection, look: Look) -> Iterator[dict[str, 
             "lost": str(flow.lost or ""),
         }
 
+
+_UNHEARD = "no subscriber"
 
 _WORDS = {Mark.MISSING: "missing", Mark.UNDECLARED: "not in the model"}
 

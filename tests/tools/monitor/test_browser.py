@@ -16,11 +16,16 @@ from tests.browser import Browser, browsing, started
 
 FILES = {
     "Tick.idsl": """\
-module Ticks { interface TickPub { void tick(int number); }; interface Ask { int next(int number); }; };
+module Ticks
+{
+    interface TickPub { void tick(int number); };
+    interface TockPub { void tock(int number); };
+    interface Ask { int next(int number); };
+};
 """,
     "clockwork/clockwork.cdsl": """\
 import "../Tick.idsl";
-Component clockwork { Communications { publishes TickPub; implements Ask; }; language python; };
+Component clockwork { Communications { publishes TickPub, TockPub; implements Ask; }; language python; };
 """,
     "hearer/hearer.cdsl": """\
 import "../Tick.idsl";
@@ -38,6 +43,7 @@ from .generic.genericworker import GenericWorker
 class SpecificWorker(GenericWorker):
     def compute(self) -> None:
         self.tickpub_proxy.tick(1)
+        self.tockpub_proxy.tock(1)
 
     def Ask_next(self, number: int) -> int:
         return number + 1
@@ -100,6 +106,10 @@ def test_the_page_follows_what_runs(folder: Path) -> None:
             for row in ("TickPub/tick", "Ask/next"):
                 browser(wait=f"parseFloat({text_of(row, 'per s')}) > 0")
                 browser(wait=f"parseFloat({text_of(row, 'p99 ms')}) > 0")
+            # a topic without a subscriber
+            assert browser(wait=text_of("TockPub/tock", "state")) == "no subscriber"
+            browser(wait=f"parseFloat({text_of('TockPub/tock', 'per s')}) > 0")
+            browser(wait="document.querySelectorAll('#picture circle.end').length === 1")
             texts = "[...document.querySelectorAll('#picture text.figures')].map(each => each.textContent).join()"
             before = browser(wait=texts)
             browser(wait=f"{texts} !== {json.dumps(before)}")

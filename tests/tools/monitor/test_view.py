@@ -15,7 +15,7 @@ from robocomp_py.tools.drift import compare, observed
 from robocomp_py.tools.flows import Flow, Told
 from robocomp_py.tools.lookout import Look
 from robocomp_py.tools.measure import Load
-from robocomp_py.tools.monitor.view import picture
+from robocomp_py.tools.monitor.view import connections, picture, told
 from robocomp_py.tools.network import Network
 
 from ...graph.test_network import outline
@@ -89,6 +89,23 @@ def test_a_component_tells_its_state_and_one_that_does_not_answer_is_strained() 
     assert found["eye"].figures == ("process 3", "compute 20/s · 5% · 40 MB")
     assert found["hand"].figures == ("process 2", "does not answer")
     assert (found["hand"].is_strained, found["eye"].is_strained) == (True, False)
+
+
+def test_a_topic_without_a_subscriber_leads_to_an_open_end() -> None:
+    drift = compare(house() | {"ways": [DIVIDE]}, Network((WORLD, HAND, NEWS, *THERE)))
+    shown = Look(drift, {}, frozenset(), dict.fromkeys(drift.unheard, Flow(20.04)), house())
+    arrows = connections(shown)
+    graph = picture(shown, arrows)
+    (edge,) = (each for each in graph.edges if each.topic)
+    assert (edge.source, edge.target, edge.figures) == ("world", "", ("20/s", "no subscriber"))
+    drawn = draw(graph)
+    assert drawn.count('<circle class="end"') == 1
+    assert "<title>world publishes, without a subscriber: Everything, over near</title>" in drawn
+    page = told(shown, graph, arrows)
+    assert page["summary"] == "3 components, 1 connections, 1 topics without a subscriber"
+    (row,) = (each for each in page["connections"] if each["kind"] == "topic")
+    assert (row["name"], row["from"], row["to"], row["rate"]) == ("Everything/news", "world", "", "20")
+    assert (row["state"], row["mark"], row["strained"]) == ("no subscriber", "", False)
 
 
 def test_without_a_model_all_that_runs_is_shown_unmarked() -> None:
