@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 from ..contract.interface import Operation
 from ..contract.qos import QoS, Reliability
 from ..errors import Closed, HostUnreachable, RobocompError, Timeout
+from ..tools.absent import Absent
 from ..tools.access import Subscription
 from ..tools.far import FarLink
 from ..tools.network import Channel
@@ -53,12 +54,15 @@ class Hearing:
         """When to try lost hosts again, by `time.monotonic()`."""
         self._reported: set[str] = set()
         """The lost hosts of which a warning was logged, and from which nothing has come since then."""
+        self._absent = Absent(session.lost)
+        """The hosts that may publish it."""
         failed: list[HostUnreachable] = []
         for each in channel.each_way():
             try:
                 self._links.append(self._opened(each))
             except HostUnreachable as exc:
                 failed.append(exc)
+                self._absent.add(each.host)
         if failed and not self._links:
             raise failed[0]
         for error in failed:
@@ -107,6 +111,8 @@ class Hearing:
 
     def try_again(self) -> None:
         """Hear lost hosts again, from time to time, while others are heard."""
+        if self._absent and self._absent.is_due():
+            self._look_aside()
         lost = [each for each in self._links if isinstance(each, FarLink) and each.error]
         if not lost or len(lost) == len(self._links):
             return
@@ -117,6 +123,26 @@ class Hearing:
         for each in lost:
             with contextlib.suppress(RobocompError):  # it is still lost
                 each.open()
+
+    def _look_aside(self) -> None:
+        try:
+            self._session.aside(self._look, f"looking for {self.name}")
+        except RobocompError:  # closed, or there is no thread now
+            self._absent.looked(self._session.lost)
+
+    def _look(self) -> None:
+        """Hear the hosts that were out of reach from the beginning, if they can be asked now."""
+        try:
+            known = self._session.census().channels.get(self.name)
+            for each in known.each_way(lambda way: way.host not in self._absent) if known else ():
+                link = self._opened(each)
+                with self.arrived:
+                    self._links.append(link)
+                self._absent.found(each.host)
+        except RobocompError as exc:
+            log.debug("%s: %s", self.name, exc)  # it is tried again
+        finally:
+            self._absent.looked(self._session.lost)
 
     def forget(self, queue: Listening) -> None:
         with self.arrived:

@@ -77,6 +77,7 @@ class Session:
         self._ended = threading.Event()
         self._process = os.getpid()
         self._closer: _Closer | None = None
+        self._aside: list[threading.Thread] = []
         self._known = Network([])
 
     def close(self) -> None:
@@ -87,7 +88,12 @@ class Session:
             self._end.close()
             self._transports.clear()
             self._kept.clear()
-        self._hosts.close()
+        posts = self._hosts.posts
+        self._hosts.close()  # what a thread asks a scout ends with an error
+        for each in self._aside:
+            each.join()
+        for post in posts:
+            post.close()  # a thread may have begun to ask it just now
         if self._closer and self._closer is not threading.current_thread():
             self._closer.join()
 
@@ -118,6 +124,16 @@ class Session:
             if self._hosts.renew().posts:
                 self._watch()
         return self._definitions.complete(self._hosts.census(self._middlewares, own=own))
+
+    def aside(self, work: Callable[[], object], name: str) -> None:
+        """Do this on a thread of its own, for which `close` waits. Raises RobocompError if it is closed, or no thread
+        can be started."""
+        with self._lock:
+            self.check_open()
+            thread = threading.Thread(target=work, name=name)
+            if not start_thread(thread):
+                raise RobocompError(f"connect: {NO_THREAD}")
+            self._aside = [thread, *(each for each in self._aside if each.is_alive())]
 
     def topic(self, name: str) -> Channel | None:
         """A topic by its whole name that nothing publishes so far, if a subscriber hears it."""

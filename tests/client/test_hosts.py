@@ -123,6 +123,21 @@ def test_publishers_of_one_name_are_heard_on_all_hosts(
             wait_until(lambda: bool(next(messages)) and caplog.text.count(why) == 2)
 
 
+def test_a_host_that_was_out_of_reach_from_the_beginning_is_heard_once_it_is_there(network: elsewhere.Network) -> None:
+    scouts = dict(network.standing.scouts)
+    network.standing.scouts.clear()
+    with contextlib.ExitStack() as end:
+        here = end.enter_context(running(make(Talker, find_transport, "middleware=shm", name="talker")))
+        here.texts = ("here",)
+        wait_until(lambda: "talker/Everything/news" in take_census(["shm"]).channels)
+        topic: Any = end.enter_context(connect("home", middleware="shm"))["talker/Everything/news"]
+        messages = topic.listen(timeout=SOON)
+        assert next(messages).text == "here"
+        network.standing.scouts |= scouts
+        wait_until(lambda: next(messages).text != "here")
+        assert topic.latest(newer_than=0).number > 0
+
+
 SCRIPT = """
 from robocomp_py import connect
 net = connect("home", middleware="shm")
