@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,17 @@ _REACH = 500.0
 _RAYS = 24
 _POINT = 0.02
 """Size of a point of a cloud, m."""
+_CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+_AWAY = np.array((-0.7, -0.3, 0.8)) / math.sqrt(1.22)
+"""From what a new page looks at to where it looks from."""
+_RIGHT = np.array((0.3, -0.7, 0.0)) / math.sqrt(0.58)
+_UP = np.cross(_AWAY, _RIGHT)
+_IN_SIGHT = 0.6
+"""What is in sight in each direction, by its distance. The field of viser has 0.77 upwards, and more to the sides."""
+_NEAREST = 1.5
+"""A new page looks from no nearer than this, m."""
+_SUN = (-30.0, 50.0, 100.0)
+"""Where light comes from: each side of a box that a new page sees gets another part of it."""
 _EYE: tuple[int, int, int] = (40, 40, 40)
 _LASER: tuple[int, int, int] = (230, 60, 40)
 
@@ -50,7 +61,7 @@ class Stage:
         self._lock = threading.RLock()
         self._number = 0
         self._is_aimed = False
-        server.scene.add_light_ambient("/light", intensity=1.5)  # or what turns away from the sun would be black
+        _light(server.scene)
 
     def show(self, shapes: Iterable[Shape]) -> None:
         """Show these shapes, and no others."""
@@ -80,14 +91,9 @@ class Stage:
     def _aim(self) -> None:
         """Let new pages look at all of it."""
         self._is_aimed = True
-        places = np.array([each.shape.pose[:3, 3] for each in self._shown.values() if each.shape.carrier == ROOT_ID])
-        if not len(places):
-            places = np.zeros((1, 3))
-        middle = (places.min(axis=0) + places.max(axis=0)) / 2.0
-        away = max(2.0, 1.2 * float(np.linalg.norm(places.max(axis=0) - places.min(axis=0))))
+        still = (each.shape for each in self._shown.values() if each.shape.carrier == ROOT_ID)
         camera = self._server.initial_camera
-        camera.look_at = middle
-        camera.position = middle + away * np.array((-0.7, -0.3, 0.8))
+        camera.look_at, camera.position = viewpoint([_corners(each, self._gallery) for each in still])
 
     def _carrier(self, name: str) -> Any:
         if name not in self._carriers:
@@ -103,6 +109,45 @@ class Stage:
         if self._picked is not None and not isinstance(shape.form, Fan | Cloud):
             handle.on_click(_clicked(self._picked, shape.node))
         return handle
+
+
+def _light(scene: viser.SceneApi) -> None:
+    """Let colours look as the file has them. With viser's own lights, what is seen from above is nearly white.
+
+    There are no shadows: those of viser end in the middle of a large room.
+    """
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_ambient("/light/around", intensity=1.7)
+    scene.add_light_directional("/light/sun", intensity=1.8, position=_SUN)
+
+
+def viewpoint(parts: Sequence[Array]) -> tuple[Array, Array]:
+    """Where a camera looks and stands to have all parts in sight, each an array of points: m, shape (3,).
+
+    It stands behind them, to the right and above. It leaves space for the panel of the page.
+    """
+    points = np.concatenate(parts) if parts else np.zeros((1, 3))
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    seen = (points - middle) @ np.stack((_RIGHT, _UP, _AWAY), axis=1)
+    needed = np.abs(seen[:, :2]).max(axis=1) / _IN_SIGHT + seen[:, 2]
+    return middle, middle + max(_NEAREST, float(needed.max())) * _AWAY
+
+
+def _corners(shape: Shape, gallery: Gallery) -> Array:
+    """Points within a carrier, between which all of a shape is: m, shape (n, 3)."""
+    match shape.form:
+        case Block(size=size):
+            half = np.array(size) / 2.0
+        case Pictured(size=size):
+            half = axes.position_to_simulation(np.array(size)) / 2.0
+        case Surface():
+            mesh = gallery.mesh(shape.form)
+            assert isinstance(mesh, Mesh)
+            return axes.position_to_simulation(mesh.vertices) @ shape.pose[:3, :3].T + shape.pose[:3, 3]
+        case _:
+            half = np.zeros(3)
+    return (_CORNERS * half) @ shape.pose[:3, :3].T + shape.pose[:3, 3]
 
 
 def _clicked(picked: Picked, node: str) -> Callable[[Any], Any]:

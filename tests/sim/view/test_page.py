@@ -75,6 +75,23 @@ def test_a_scene_is_shown(scene: Path) -> None:
     assert told == [f"{scene}:5:5: `lost` is shown as a box: there is no file `nowhere.obj`"]
 
 
+@pytest.mark.parametrize("side", [300.0, 30000.0])
+def test_a_new_page_has_all_of_a_scene_in_sight_and_not_far_away(side: float, tmp_path: Path) -> None:
+    (tmp_path / "floor.xml").write_text(
+        f'<innerModel><plane id="floor" px="9000" size="{side},10,{side}"/></innerModel>'
+    )
+    with page() as served:
+        FileShow(served, tmp_path / "floor.xml", print)
+        camera = served.server.initial_camera
+    corners = np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) * side / 2000.0 + (0.0, -9.0, 0.0)
+    ahead = camera.look_at - camera.position
+    seen = corners - camera.position
+    lengths, depths = np.linalg.norm(seen, axis=1), seen @ ahead / np.linalg.norm(ahead)
+    widest = np.degrees(np.arccos(depths / lengths)).max()
+    assert widest < 75.0 / 2.0
+    assert widest > 25.0 or np.linalg.norm(ahead) < 2.0
+
+
 def test_a_click_tells_what_a_node_is_to_the_page_that_clicked(scene: Path) -> None:
     with page() as served:
         FileShow(served, scene, print)
