@@ -171,6 +171,7 @@ NOT_FIXABLE = {
     "no-children",
     "read-otherwise",
     "repeated-id",
+    "repeated-port",
     "unknown-attribute",
     "unfit-id",
     "unknown-tag",

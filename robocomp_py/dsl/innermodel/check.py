@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ...innermodel.read import Document, Element, Place, Problem, ReadFile, every, found_file, read
+from ...innermodel.read import Document, Element, Place, Problem, ReadFile, every, found_file, number_of, read
 from ..diagnostics import Diagnostic, Report, Severity
 from ..nearby import nearby
 from ..source import Source, Span
@@ -18,6 +18,7 @@ ENDING = ".xml"
 _BEFORE_ROOT = re.compile(r"\ufeff?(?:\s+|<!--.*?-->|<[?!][^>]*>)*", re.DOTALL)
 _ROOT = re.compile(r"<innermodel(?![\w.:-])", re.IGNORECASE)
 _DECLARED = re.compile(r"""\ufeff?<\?xml[^>]*?\sencoding\s*=\s*["']([\w.-]+)""")
+_JOINTS = {"joint", "prismaticjoint"}
 _START_AT_MOST = 4096
 """Octets of a file before its root, for comments and declarations."""
 
@@ -62,6 +63,10 @@ def check(path: Path, reading: ReadFile, report: Report) -> None:
             span = at(element, problem.attribute)
             if (element.document.path, element.spans.get(problem.attribute, (-1, -1))[0]) not in read_otherwise:
                 report.extend([Diagnostic(problem.code, problem.message, span, problem.severity, problem.hint)])
+    for element, first in _shared_ports(model.elements):
+        text = f"port {element.values['port']} is that of `{first.id}`, too; only one of them can be served there"
+        related = ((f"`{first.id}` is here", at(first, "port")),)
+        report.extend([Diagnostic("repeated-port", text, at(element, "port"), Severity.WARNING, related=related)])
     for element, attribute in _lost_files(model.elements):
         written, document = element.written[attribute], element.document
         span = at(element, attribute)
@@ -71,6 +76,17 @@ def check(path: Path, reading: ReadFile, report: Report) -> None:
             report.warning("missing-texture", f"{message}; the plane is grey", span, hint)
         else:
             report.warning("missing-mesh", f"{message}; a component that simulates the scene needs it", span, hint)
+
+
+def _shared_ports(elements: Sequence[Element]) -> Iterator[tuple[Element, Element]]:
+    """Elements whose port an element before them has, with that element. Joints with one port are served together."""
+    first: dict[int, Element] = {}
+    for element in every(elements):
+        if not (port := int(number_of(element.values.get("port", 0)))):
+            continue
+        before = first.setdefault(port, element)
+        if before is not element and not {before.tag.name, element.tag.name} <= _JOINTS:
+            yield element, before
 
 
 def _lost_files(elements: Sequence[Element]) -> Iterator[tuple[Element, str]]:

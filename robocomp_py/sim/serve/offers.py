@@ -80,7 +80,9 @@ def at_ports(tree: Tree, lidars: Collection[str]) -> dict[str, tuple[tuple[str, 
         node = groups[name][0] if name in groups else name
         port = int(number_of(tree.node(node).values.get("port", 0)))
         if port in taken:
-            raise InnerModelError(f"`{node}`: port {port} is that of `{taken[port]}`, too: give one another", node=node)
+            raise InnerModelError(
+                f"`{node}`: port {port} is that of `{taken[port]}`, too: give one of them another port", node=node
+            )
         if port:
             taken[port] = node
         found[name] = (interfaces[:1] if port else interfaces), port
