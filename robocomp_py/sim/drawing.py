@@ -192,7 +192,7 @@ def _drop_stencil(pen: mujoco.MjrContext) -> None:
     """Give the buffer that is drawn into depths of 32 bits without a stencil, which only reflections need.
 
     MuJoCo makes one with a stencil, of 8 bytes a pixel, and clears only the depths of it. OpenGL in software then
-    takes a quarter more time for a picture. The context of the buffer is current, and the buffer is bound.
+    takes up to a quarter more time for a picture. The context of the buffer is current, and the buffer is bound.
     """
     gl = importlib.import_module("OpenGL.raw.GL.VERSION.GL_3_0")  # `OpenGL.GL` takes 0.2 s to import
     if not gl.glGetRenderbufferParameteriv:
