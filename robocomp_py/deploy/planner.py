@@ -202,22 +202,40 @@ class _Planner:
         return Ours(folder.resolve(), each.component.fingerprints(), each.channels, tuple(sorted(over)), topics)
 
     def _served(self) -> Iterator[Programs]:
-        """What foreign programs serve at known places, for tools: they announce nothing themselves."""
-        for middleware, places in self._placement.programs.items():
-            found: list[Served] = []
-            at: dict[str, str] = {}
-            for each, part, port in _implemented(self._programs):
-                segment = part.component.segment(port)
-                place = places.get((each.name, names.within(part.instance if part.owner else "", segment)))
-                if place is None:
-                    continue
-                for operation, pattern in port.interface.under(port.verb):
-                    channel = "/".join((part.channels, segment, operation.name))
-                    contract = operation.fingerprint, operation.text, supplement(operation)
-                    found.append(Served(each.name, each.channels, channel, pattern, *contract))
-                    at[channel] = place
-            if found:
-                yield Programs(middleware, deployment_of(middleware).reaching(at), tuple(found))
+        """What foreign programs serve at known places, and publish, for tools: they announce nothing themselves."""
+        for middleware in dict.fromkeys((*self._placement.programs, *self._placement.publishers)):
+            calls, topics = self._reached(middleware), list(self._heard(middleware))
+            if calls and topics:
+                first, *topics = topics  # a tool opens the middleware once for each set of options
+                calls = Programs(middleware, {**calls.options, **first.options}, (*calls.serve, *first.serve))
+            yield from ([calls] if calls else [])
+            yield from topics
+
+    def _reached(self, middleware: str) -> Programs | None:
+        """The queries and commands of foreign programs."""
+        places = self._placement.programs.get(middleware, {})
+        found: list[Served] = []
+        at: dict[str, str] = {}
+        for each, part, port in _provided(self._programs, Verb.IMPLEMENTS):
+            segment = part.component.segment(port)
+            place = places.get((each.name, names.within(part.instance if part.owner else "", segment)))
+            for served in _described(each, part, port) if place else ():
+                found.append(served)
+                at[served.channel] = str(place)
+        return Programs(middleware, deployment_of(middleware).reaching(at), tuple(found)) if found else None
+
+    def _heard(self, middleware: str) -> Iterator[Programs]:
+        """The topics of foreign programs."""
+        publishers = self._placement.publishers.get(middleware, {})
+        topics = {
+            served.channel: served
+            for each, part, port in _provided(self._programs, Verb.PUBLISHES)
+            if each.name in publishers
+            for served in _described(each, part, port)
+        }
+        by_channel = {channel: publishers[each.instance] for channel, each in topics.items()}
+        for options, channels in deployment_of(middleware).hearing(by_channel):
+            yield Programs(middleware, options, tuple(topics[each] for each in channels))
 
     # The network as a whole.
 
@@ -751,11 +769,19 @@ def _parts(configured: Iterable[Configured]) -> list[Configured]:
     return [part for each in configured for part in each.parts]
 
 
-def _implemented(configured: Iterable[Configured]) -> Iterator[tuple[Configured, Configured, Port]]:
-    """The interfaces that instances implement: each with the instance, and with the part of it that offers it."""
+def _provided(configured: Iterable[Configured], verb: Verb) -> Iterator[tuple[Configured, Configured, Port]]:
+    """The interfaces that instances implement or publish: each with the instance, and with the part that offers it."""
     for each in configured:
         for part in each.parts:
-            yield from ((each, part, port) for port in part.component.ports if port.verb is Verb.IMPLEMENTS)
+            yield from ((each, part, port) for port in part.component.ports if port.verb is verb)
+
+
+def _described(program: Configured, part: Configured, port: Port) -> Iterator[Served]:
+    """The channels of an interface of a foreign program."""
+    for operation, pattern in port.interface.under(port.verb):
+        channel = "/".join((part.channels, part.component.segment(port), operation.name))
+        contract = operation.fingerprint, operation.text, supplement(operation)
+        yield Served(program.name, program.channels, channel, pattern, *contract)
 
 
 def _undeclared(node: Node, checked: settings.Settings) -> Iterator[Complaint]:

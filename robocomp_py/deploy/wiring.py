@@ -33,7 +33,8 @@ class Placement:
     faults: tuple[Fault, ...] = ()
     helpers: tuple[Helper, ...] = ()
     programs: Mapping[str, Mapping[tuple[str, str], str]] = field(default_factory=dict)
-    """By transport: see `transports.network.Placement`."""
+    """By transport, as `publishers`: see `transports.network.Placement`."""
+    publishers: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
 
 
 def wire(network: Network) -> Wiring:
@@ -60,6 +61,7 @@ def place(network: Network) -> Placement:
     faults: list[Fault] = []
     helpers: list[Helper] = []
     programs: dict[str, Mapping[tuple[str, str], str]] = {}
+    publishers: dict[str, Mapping[str, Mapping[str, Any]]] = {}
     for name, each in deployments().items():
         if not each.ports_of_interfaces:
             continue
@@ -73,8 +75,10 @@ def place(network: Network) -> Placement:
         helpers += found.helpers
         if found.programs:
             programs[name] = found.programs
+        if found.publishers:
+            publishers[name] = found.publishers
     told = {name: tuple(each) for name, each in settings.items()}
-    return Placement(told, taken, tuple(faults), tuple(helpers), programs)
+    return Placement(told, taken, tuple(faults), tuple(helpers), programs, publishers)
 
 
 def _shared_ports(network: Network, helpers: Sequence[Helper]) -> Iterator[Fault]:

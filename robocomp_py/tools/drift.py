@@ -109,7 +109,11 @@ def unheard(network: Network) -> list[Channel]:
     return [
         channel
         for channel in network.channels.values()
-        if channel.pattern is Pattern.PUBLISH and channel.providers and not channel.users and channel.name not in parts
+        if channel.pattern is Pattern.PUBLISH
+        and channel.providers
+        and not channel.users
+        and channel.name not in parts
+        and all(each.supplement is None for each in channel.providers)  # what hears a foreign program is not known
     ]
 
 

@@ -1,10 +1,10 @@
-"""Programs that announce nothing, as the networks that run here describe them: where they are, and what they serve."""
+"""Programs that announce nothing, as the networks that run here describe them: where they are, and what they offer."""
 
 from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from ..contract.told import Supplement
 from ..errors import ConfigurationError, DeploymentError, TransportError
 from ..transports.census import Told
+from ..transports.deployment import deployment_of
 from ..transports.runtime_folder import runtime_dir
 
 log = logging.getLogger("robocomp.tools")
@@ -19,7 +20,7 @@ log = logging.getLogger("robocomp.tools")
 _LARGEST = 64 * 1024 * 1024
 """Octets of a plan; larger files are not read."""
 
-_ROLES = {"query": "serves", "command": "receives"}
+_ROLES = {"query": "serves", "command": "receives", "publish": "publishes"}
 
 
 class Described(NamedTuple):
@@ -36,7 +37,7 @@ class Described(NamedTuple):
 
 
 def described(*, running: bool = True) -> list[Described]:
-    """What foreign programs serve, of all networks that run here.
+    """What foreign programs serve and publish, of all networks that run here.
 
     With `running`, their networks are asked which of them run. Else the programs have no process number.
     """
@@ -97,10 +98,24 @@ def _of(plan: Path, *, asks: bool) -> Iterator[Described]:
         yield from _served(plan)
         return
     pids = _pids(plan.parent.name)
-    for each in _served(plan):
+    for each in _there(_served(plan)):
         pid = 0 if pids is None else pids.get(each.instance)
         if pid is not None:
             yield each._replace(told=each.told._replace(pid=pid))
+
+
+def _there(every: Iterable[Described]) -> Iterator[Described]:
+    """Without the topics that there are not now."""
+    topics: dict[tuple[str, str], list[Described]] = {}
+    for each in every:
+        if each.told.role != "publishes":
+            yield each
+        else:
+            topics.setdefault((each.middleware, json.dumps(each.options, sort_keys=True)), []).append(each)
+    for (middleware, _), together in topics.items():
+        names = [each.told.channel for each in together]
+        now = deployment_of(middleware).published(together[0].options, names)
+        yield from (each for each in together if each.told.channel in now)
 
 
 def _pids(network: str) -> Mapping[str, int] | None:

@@ -286,6 +286,8 @@ class _Subscriptions:
         for each in topics:
             if each.via:
                 self._posts.setdefault(each.via, []).append(each)
+        self._untold = {each.name for each in topics if any(end.supplement for end in each.providers)}
+        """The topics of foreign programs. No middleware tells whether these publish."""
         self._following: dict[Post, contextlib.ExitStack] = {}
         self._access: Access | None = None
         self._links: list[tuple[str, Subscription]] = []
@@ -349,7 +351,7 @@ class _Subscriptions:
         """The topics by name and host, and whether something publishes them now, as far as middlewares can tell."""
         links, found = self._links, dict[tuple[str, str], bool]()
         for name, link in links.copy():
-            if isinstance(link, SupportsSources):
+            if isinstance(link, SupportsSources) and name not in self._untold:
                 found[name, ""] = found.get((name, "")) or bool(link.sources())
         return (found if links is self._links else {}) | self._far.presences()  # they may have been closed meanwhile
 

@@ -11,7 +11,7 @@ A transport without a deployment side works on one host, and `security lan` refu
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -178,6 +178,17 @@ class Deployment:
     def reaching(self, programs: Mapping[str, str]) -> Mapping[str, Any]:
         """The options of a tool that uses channels of foreign programs, each at a place of `Placement.programs`."""
         return {}
+
+    def hearing(self, topics: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[Mapping[str, Any], Sequence[str]]]:
+        """How a tool hears topics of foreign programs: sets of options, each with the channels that are heard with it.
+
+        `topics` are the channels, each with what `Placement.publishers` has of its program.
+        """
+        return ()
+
+    def published(self, options: Mapping[str, Any], channels: Collection[str]) -> Collection[str]:
+        """Those of such topics that there are now, for a tool with options of `hearing`; within half a second."""
+        return channels
 
     def at_port(self, port: int) -> Mapping[str, Any]:
         """The options of an instance on this machine to which its network gives a `port`; 0 is that it needs none."""

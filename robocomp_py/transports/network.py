@@ -160,6 +160,8 @@ class Placement:
     programs: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """Where foreign programs serve their interfaces, as far as that is known, for `Deployment.reaching`. Keys are an
     instance and an interface, as in `Site.interfaces`."""
+    publishers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """By foreign program with topics: where these are heard, for `Deployment.hearing`."""
 
 
 @dataclass(frozen=True)

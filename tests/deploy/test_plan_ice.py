@@ -148,13 +148,16 @@ def test_tools_are_told_what_programs_serve_and_where(folder: Path) -> None:
     Component sensor {{ {PROGRAM} port 10003; }};
     Component onboard : sensor {{ {PROGRAM} config "their.config"; host onboard; }};
     """
-    [found] = planned(folder, body).programs
+    found, _ = planned(folder, body).programs
     assert found.middleware == "ice"
     assert found.options == {
         "proxies": {
             "/robot1/sensor/Laser": "laser:tcp -h 127.0.0.1 -p 10003",
             "/robot1/onboard/Laser": "laser:tcp -h 192.168.1.10 -p 11000",
-        }
+        },
+        "storm": "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999",
+        "host": "127.0.0.1",
+        "topics": {"/robot1/sensor/LaserPub": "LaserPub"},
     }
     each = found.serve[0]
     assert (each.instance, each.owner, each.pattern) == ("sensor", "robot1/sensor", "query")
@@ -163,9 +166,40 @@ def test_tools_are_told_what_programs_serve_and_where(folder: Path) -> None:
 
 
 def test_tools_are_told_nothing_of_programs_without_a_known_place_and_of_components(folder: Path) -> None:
-    assert planned(folder, f"Component sensor {{ {PROGRAM} }};").programs == ()
+    [found] = planned(folder, f"Component sensor {{ {PROGRAM} }};").programs
+    assert [each.channel for each in found.serve] == ["sensor/LaserPub/pushLaserData"]
     assert planned(folder, "middleware ice; Component sensor { port 10003; };").programs == ()
     assert planned(folder, 'Component sensor { existing "sleep 1000"; middleware zeromq; port 10003; };').programs == ()
+
+
+def heard(folder: Path, body: str) -> dict[str, tuple[str, str, str]]:
+    """By program: the IceStorm of its topic, where a tool listens, and what IceStorm calls the topic."""
+    return {
+        each.instance: (found.options["storm"], found.options["host"], *found.options["topics"].values())
+        for found in planned(folder, body).programs
+        for each in found.serve
+        if each.pattern == "publish"
+    }
+
+
+def test_tools_are_told_through_which_icestorm_programs_publish(folder: Path) -> None:
+    here = "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9999"
+    assert heard(folder, f"Component sensor {{ {PROGRAM} }};") == {"sensor": (here, "127.0.0.1", "LaserPub")}
+    their = "LaserPubTopic = zed/LaserPub\nTopicManager.Proxy = IceStorm/TopicManager:default -p 9899\n"
+    (folder / "their.config").write_text(their)
+    there = here.replace("9999", "9899").replace("tcp", "default")
+    own = f'Component sensor {{ {PROGRAM} config "their.config"; }};'
+    assert heard(folder, own) == {"sensor": (there, "127.0.0.1", "zed/LaserPub")}
+
+
+def test_a_program_that_names_no_icestorm_has_that_of_its_peers_or_of_its_host(folder: Path) -> None:
+    (folder / "own.toml").write_text('[transports.ice]\nstorm = "IceStorm/TopicManager:tcp -p 9899"\n')
+    peer = 'Component driver { config "own.toml"; };'
+    [(storm, *_)] = heard(folder, f"Component sensor {{ {PROGRAM} port 10003; }}; {peer}").values()
+    assert storm == "IceStorm/TopicManager:tcp -h 127.0.0.1 -p 9899"
+    abroad = f"security open; {ONBOARD} Component sensor {{ {PROGRAM} host onboard; }};"
+    [(storm, host, _)] = heard(folder, abroad).values()
+    assert (storm, host) == ("IceStorm/TopicManager:tcp -h 192.168.1.10 -p 9999", "127.0.0.1")
 
 
 def test_a_program_is_where_its_own_configuration_says(folder: Path) -> None:

@@ -13,9 +13,11 @@ from robocomp_py.cli import rc
 from robocomp_py.testing import everything as e
 from robocomp_py.tools.programs import described
 
+from ..freeports import free_port
 from . import elsewhere
 
 OPERATION = next(each for each in e.EVERYTHING.operations if each.name == "divide")
+NEWS = next(each for each in e.EVERYTHING.operations if each.name == "news")
 
 
 @pytest.fixture
@@ -40,10 +42,15 @@ def served(instance: str) -> dict[str, Any]:
     }
 
 
-def describe(network: elsewhere.Network, serve: object) -> None:
+def published(instance: str) -> dict[str, Any]:
+    told = {"channel": f"{instance}/Everything/news", "pattern": "publish"}
+    return served(instance) | told | {"fingerprint": NEWS.fingerprint, "text": NEWS.text}
+
+
+def describe(network: elsewhere.Network, serve: object, middleware: str = "zeromq", **options: str) -> None:
     place = network.running.place
     plan = json.loads(place.plan.read_text())
-    programs = [{"middleware": "zeromq", "options": {}, "serve": serve}]
+    programs = [{"middleware": middleware, "options": options, "serve": serve}]
     place.leave_plan(json.dumps(plan | {"programs": programs}))
 
 
@@ -60,6 +67,15 @@ def test_a_program_is_listed_on_its_host(capsys: pytest.CaptureFixture[str]) -> 
     assert listed(capsys) == {"mill": "", "saw": "base"}
     assert listed(capsys, "--host", "here") == {"mill": ""}
     assert listed(capsys, "--host", "base") == {"saw": "base"}
+
+
+def test_a_topic_is_listed_if_its_broker_has_it(network: elsewhere.Network) -> None:
+    describe(network, [served("mill"), published("mill")])
+    assert [each.told.role for each in described()] == ["serves", "publishes"]
+    storm = f"IceStorm/TopicManager:tcp -h 127.0.0.1 -p {free_port()}"  # where none is
+    describe(network, [served("mill"), published("mill")], "ice", storm=storm)
+    assert [each.told.role for each in described()] == ["serves"]
+    assert [each.told.role for each in described(running=False)] == ["serves", "publishes"]
 
 
 @pytest.mark.parametrize("serve", [None, [{}], [served("mill") | {"supplement": 7}], [served("nowhere")]])

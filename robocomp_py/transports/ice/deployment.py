@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..deployment import Completion, Deployment, Incomplete, Reached
@@ -59,6 +59,27 @@ class IceDeployment(Deployment):
         from ..iceoptions import key_of
 
         return {"proxies": {key_of(channel): proxy for channel, proxy in programs.items()}}
+
+    def hearing(self, topics: Mapping[str, Mapping[str, Any]]) -> Iterable[tuple[Mapping[str, Any], Sequence[str]]]:
+        """RoboComp's programs have no namespaces: their topics are called as their interfaces, unless they say more."""
+        from ...wire import names
+        from ..iceoptions import key_of
+
+        by_storm: dict[tuple[str, str], dict[str, str]] = {}
+        for channel, program in topics.items():
+            name = program["topics"].get(names.segment(channel), names.segment(channel))
+            by_storm.setdefault((program["storm"], program["host"]), {})[channel] = name
+        for (storm, host), called in by_storm.items():
+            said = {key_of(channel): name for channel, name in called.items()}
+            yield {"storm": storm, "host": host, "topics": said}, list(called)
+
+    def published(self, options: Mapping[str, Any], channels: Collection[str]) -> Collection[str]:
+        from ..iceoptions import read
+        from .storm import Place
+
+        told = read(options)
+        known = Place.of(told).topics({told.topic_of(each) for each in channels})
+        return [each for each in channels if told.topic_of(each) in known]
 
     def reached(self, options: Mapping[str, Any]) -> Iterator[Reached]:
         from .. import iceoptions

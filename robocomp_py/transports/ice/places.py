@@ -70,6 +70,8 @@ class _Finder:
         self._taken: dict[str, int] = {}
         self._faults: list[Fault] = []
         self._helpers: list[Helper] = []
+        self._storms: Mapping[str, str] = {}
+        """By instance that is not a program: the proxy of its IceStorm."""
 
     def found(self) -> Placement:
         for each in self._everyone.values():
@@ -87,7 +89,8 @@ class _Finder:
         for client, proxies in told.items():
             self._set(client, "proxies", {**self._options[client].proxies, **proxies})
         self._find_storms()
-        return Placement(self._set_for, self._taken, self._faults, self._helpers, dict(self._programs()))
+        programs, publishers = dict(self._programs()), dict(self._publishers())
+        return Placement(self._set_for, self._taken, self._faults, self._helpers, programs, publishers)
 
     # Where things are.
 
@@ -208,7 +211,7 @@ class _Finder:
         users |= dict.fromkeys(each.instance for each in self._network.sites if self._network.middleware in each.topics)
         own = [name for name in users if not self._everyone[name].is_program]
         abroad = any(self._everyone[name].host for name in users)
-        storms = {name: self._storm_of(name, abroad=abroad) for name in own}
+        self._storms = storms = {name: self._storm_of(name, abroad=abroad) for name in own}
         for number, storm in enumerate(dict.fromkeys(storms.values())):
             self._helpers.append(icestorm(storm, number, "" if LOOPBACK in storm else None))
         self._name_topics()
@@ -229,6 +232,26 @@ class _Finder:
         if abroad or name in self._listening:
             self._set(name, "storm", storm)
         return storm
+
+    def _publishers(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Where the topics of foreign programs are heard, for those on the machine that launches the network.
+
+        A program that does not say where its IceStorm is has that of its peers, or else one on its own host.
+        """
+        for site in self._network.sites:
+            if not site.is_program or self._network.middleware not in site.topics:
+                continue
+            options = self._options[site.instance]
+            storm = options.storm
+            if storm == iceoptions.STORM:
+                peers = {way.client for way in self._topics if way.provider == site.instance}
+                peers |= {way.provider for way in self._topics if way.client == site.instance}
+                storm = next((each for name, each in self._storms.items() if name in peers), storm)
+            if not any(each.host for each in iceoptions.parse_proxy(storm).endpoints):
+                there = self._network.address(site) if site.host else LOOPBACK
+                storm = _at_host(storm, there if options.host == iceoptions.HOST else options.host)
+            host = iceoptions.HOST if LOOPBACK in storm else self._here  # IceStorm calls those that hear
+            yield site.instance, {"storm": storm, "host": host, "topics": dict(options.topics)}
 
     def _name_topics(self) -> None:
         """Give instances the names that programs have for their topics, from a configuration or an interface."""

@@ -21,7 +21,7 @@ import struct
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 
 from ...errors import ConfigurationError, TransportError
@@ -42,6 +42,9 @@ LOOK = 0.2
 
 CALL = 1.0
 """Seconds between two checks whether another IceStorm answers, and timeout of such a check."""
+
+ASK = 0.5
+"""Seconds in which an IceStorm tells which topics it has."""
 
 GRACE = 5.0
 """Seconds that an icebox has to end before it is killed."""
@@ -132,6 +135,22 @@ class Place:
         except (OSError, ValueError):
             return False
         return status == b"\0"
+
+    def topics(self, names: Iterable[str], timeout: float = ASK) -> set[str]:
+        """Those of these topics that IceStorm has; none if it does not answer within `timeout` seconds."""
+        end = time.monotonic() + timeout
+        found: set[str] = set()
+        try:
+            with socket.create_connection((self.host, self.port), timeout) as connection:
+                _receive(connection, end)  # the message that the connection is valid
+                for name in names:
+                    connection.sendall(_request(self.instance, "TopicManager", "retrieve", _text(name)))
+                    if _receive(connection, end)[4:5] == b"\0":  # else it raises NoSuchTopic
+                        found.add(name)
+        except (OSError, ValueError) as exc:
+            log.debug("IceStorm at %s does not tell its topics: %s", self, exc)
+            return set()
+        return found
 
 
 class _Supervisor:
@@ -320,23 +339,27 @@ def _die_with(parent: int) -> None:
         os._exit(1)
 
 
-# -- as much of Ice's protocol as it takes to ask an object whether it exists ------------
+# -- as much of Ice's protocol as it takes to ask IceStorm whether it is there, and has a topic ------------
 
 _HEAD = struct.Struct("<4sBBBBBBi")
 _REQUEST, _LONGEST = 0, 65536
-_NO_ARGUMENTS = struct.pack("<iBB", 6, 1, 1)
 
 
 def _ping(category: str, name: str) -> bytes:
+    return _request(category, name, "ice_ping")
+
+
+def _request(category: str, name: str, operation: str, arguments: bytes = b"") -> bytes:
     body = b"".join(
         (
             struct.pack("<i", 1),  # the number of the request
             _text(name),
             _text(category),
             b"\0",  # no facet
-            _text("ice_ping"),
+            _text(operation),
             b"\1\0",  # idempotent; no context
-            _NO_ARGUMENTS,
+            struct.pack("<iBB", 6 + len(arguments), 1, 1),
+            arguments,
         )
     )
     return _HEAD.pack(b"IceP", 1, 0, 1, 0, _REQUEST, 0, _HEAD.size + len(body)) + body

@@ -22,8 +22,10 @@ from robocomp_py.deploy.client import Connection
 from robocomp_py.errors import Timeout
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.announced import channels, told_in_files
+from robocomp_py.tools.recording.reader import Recording
 
 from ...cli.programs import running
+from ...transports.icestorm import icestorm
 
 pytestmark = pytest.mark.tool
 
@@ -143,3 +145,62 @@ def test_a_wrong_name_a_hanging_and_a_killed_program_are_told_apart(capsys: pyte
     wait_until(lambda: not listed())
     assert rc.main(["call", "mill/Workshop/tidied", "--timeout", "0.01"]) == 1
     assert "`mill/Workshop/tidied` is not there" in capsys.readouterr().err
+
+
+PUBLISHES = """
+import "station.cdsl";
+
+Deployment observatory
+{{
+    namespace depot;
+    Component gauge : station
+    {{
+        existing "{program} publish '{storm}' Readings";
+        restart always(delay 3600, max_delay 3600);
+        middleware ice;
+        config "gauge.config";
+    }};
+}};
+"""
+
+
+@pytest.fixture
+def observatory(folder: Path, own_runtime_folder: Path) -> Iterator[None]:
+    """A network with a program that publishes through IceStorm. It runs."""
+    for name in ("Readings.idsl", "Readings.ice", "station.cdsl", "rehearse.py"):
+        shutil.copy(HERE / name, folder)
+    subprocess.run(["slice2py", "--output-dir", str(folder), str(folder / "Readings.ice")], check=True)
+    with icestorm() as storm:
+        network = folder / "observatory.ddsl"
+        (folder / "gauge.config").write_text(f"TopicManager.Proxy = {storm}\n")
+        network.write_text(PUBLISHES.format(program=f"{sys.executable} -P {folder / 'rehearse.py'}", storm=storm))
+        with running("rcdeploy", network) as deployer:
+            wait_until(lambda: listed() or deployer.poll() is not None, SOON * 3)
+            try:
+                yield
+            finally:
+                deployer.send_signal(signal.SIGTERM)
+
+
+@pytest.mark.usefixtures("observatory")
+def test_topics_of_a_program_are_listed_heard_measured_and_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [found] = listed()
+    assert (found["owner"], found["offers"], found["middlewares"]) == ("depot/gauge", ["Readings"], ["ice"])
+    names = [json.loads(line)["channel"] for line in said_quietly("list", "--topics", "--json").splitlines()]
+    assert names == ["depot/gauge/Readings/reading", "depot/gauge/Readings/silence"]
+    patience = ("--timeout", f"{SOON:g}")
+    capsys.readouterr()
+    assert rc.main(["echo", "gauge/Readings/reading", "-n", "1", "--json", *patience]) == 0
+    shown = capsys.readouterr()
+    heard = json.loads(shown.out)["message"]
+    assert (heard["what"]["name"], heard["what"]["counts"], shown.err) == ("Mauer", {"doors": 2}, "")
+    assert rc.main(["hz", "Readings/reading", "--for", "1", "--json", *patience]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["messages"] > 1
+    assert rc.main(["record", "gauge", "-o", str(tmp_path / "run"), "--for", "1", *patience]) == 0
+    with Recording(tmp_path / "run") as recording:
+        kinds = {each.topic.name for each in recording.messages()}
+    assert kinds == set(names)
+    with connect("observatory") as net:
+        assert net.depot.gauge.Readings.reading.latest(SOON).what.name == "Mauer"
