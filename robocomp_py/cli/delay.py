@@ -45,21 +45,21 @@ def run(options: argparse.Namespace) -> int:
         network, named = awaited(options, pick, hosts)
         topics = subscriptions_of(understood(options, named))
         with Access() as access:
-            far = {(each.name, each.host) for each in topics if not have_one_clock(access, network, each)}
+            near = {(each.name, each.host) for each in topics if have_one_clock(access, network, each)}
 
         def words(channel: Channel, traffic: Traffic) -> str:
             ages = traffic.ages()
             if ages is None:
                 return f"its messages do not tell when they were sent, {messages(traffic)}"
             said = f"{ages.median * 1e3:.2f} ms, 99 % within {ages.p99 * 1e3:.2f}, {messages(traffic)}"
-            return f"{said} (one clock)" if (channel.name, channel.host) not in far else said
+            return f"{said} (one clock)" if (channel.name, channel.host) in near else said
 
         def figures(channel: Channel, traffic: Traffic, is_silent: bool) -> Mapping[str, object]:
             ages = traffic.ages()
             return {
                 "median_s": ages and ages.median,
                 "p99_s": ages and ages.p99,
-                "one_clock": (channel.name, channel.host) not in far,
+                "one_clock": (channel.name, channel.host) in near,
             }
 
         return measure(options, hosts, topics, words, figures)

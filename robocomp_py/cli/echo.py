@@ -25,7 +25,9 @@ from .live import (
     nothing_heard,
     reported,
     say,
+    seek_of,
     spelled,
+    tell_found,
     tell_host,
 )
 
@@ -89,7 +91,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import Back, Lost, Presence, tapped
+    from ..tools.tap import Back, Found, Lost, Presence, tapped
 
     if options.csv and options.json:
         print("rc echo: --csv and --json exclude each other", file=sys.stderr)
@@ -101,12 +103,17 @@ def run(options: argparse.Namespace) -> int:
         if options.calls:
             return echo_calls(options, hosts)
         topics = awaited_topics(options, hosts)
-        views = _views(topics, options)
-        printer = _Table(topics, views, options) if options.csv else _Lines(topics, views, options)
+        views, seek = _views(topics, options), seek_of(options, hosts)
+        origin = _Origin(topics, several=seek is not None)
+        printer = _Table(origin, views, options) if options.csv else _Lines(origin, views, options)
         heard, fitting, printed = 0, Counter[str](), 0
         full = options.full or options.csv or options.json or bool(options.field or options.where)
         ended = code_of(hosts)
-        for each in tapped(topics, first=options.timeout, whole=options.seconds, full=full):
+        for each in tapped(topics, first=options.timeout, whole=options.seconds, full=full, seek=seek):
+            if isinstance(each, Found):
+                views |= _views(each.topics, options)
+                tell_found(options, each)
+                continue
             if isinstance(each, Presence):
                 _tell(each)
                 continue
@@ -161,7 +168,7 @@ _Views = Mapping[tuple[str, str], _View]
 """By channel and host."""
 
 
-def _views(topics: Sequence[Channel], options: argparse.Namespace) -> _Views:
+def _views(topics: Sequence[Channel], options: argparse.Namespace) -> dict[tuple[str, str], _View]:
     """Raises ConfigurationError if an option does not fit a contract."""
     from ..errors import ConfigurationError
     from ..tools.parts import condition, parts
@@ -186,9 +193,10 @@ def _views(topics: Sequence[Channel], options: argparse.Namespace) -> _Views:
 class _Origin:
     """Tells a message's host if a topic comes from several, and its channel if there are several."""
 
-    def __init__(self, topics: Sequence[Channel]) -> None:
+    def __init__(self, topics: Sequence[Channel], *, several: bool) -> None:
+        """`several`: further hosts may follow."""
         names, pairs = {each.name for each in topics}, {(each.name, each.host) for each in topics}
-        shown = {"host": len(pairs) > len(names), "channel": len(names) > 1}
+        shown = {"host": several or len(pairs) > len(names), "channel": len(names) > 1}
         self.heads = [head for head, is_shown in shown.items() if is_shown]
 
     def of(self, heard: Message) -> list[str]:
@@ -199,8 +207,8 @@ class _Origin:
 class _Lines:
     """Prints a line for each message."""
 
-    def __init__(self, topics: Sequence[Channel], views: _Views, options: argparse.Namespace) -> None:
-        self._views, self._options, self._origin = views, options, _Origin(topics)
+    def __init__(self, origin: _Origin, views: _Views, options: argparse.Namespace) -> None:
+        self._views, self._options, self._origin = views, options, origin
 
     def print(self, heard: Message) -> None:
         message = self._views[heard.channel, heard.host].shown(heard.message)
@@ -217,10 +225,10 @@ class _Lines:
 class _Table:
     """Prints comma-separated values, as RFC 4180 has them, but with plain line ends."""
 
-    def __init__(self, topics: Sequence[Channel], views: _Views, options: argparse.Namespace) -> None:
+    def __init__(self, origin: _Origin, views: _Views, options: argparse.Namespace) -> None:
         import csv
 
-        self._views, self._stamps, self._origin = views, options.stamps, _Origin(topics)
+        self._views, self._stamps, self._origin = views, options.stamps, origin
         self._writer = csv.writer(sys.stdout, lineterminator="\n")
         self._is_terminal = sys.stdout.isatty()
         first = next(iter(views.values()))

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..runtime.RoboCompIntrospection import End
     from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
-    from ..tools.tap import Back, Lost
+    from ..tools.tap import Back, Found, Lost, Seek
 
 T = TypeVar("T")
 
@@ -178,6 +178,26 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
     return subscriptions_of(understood(options, topics))
 
 
+def seek_of(options: argparse.Namespace, hosts: Hosts) -> Seek | None:
+    """How to find these topics on the hosts that are out of reach now; None if there are none."""
+    if not hosts.lost:
+        return None
+    from ..tools.absent import Absent
+    from ..tools.definitions import Definitions
+    from ..tools.tap import Seek
+
+    definitions = Definitions(options.include)
+
+    def look() -> tuple[Sequence[Channel], Collection[str]]:
+        network = definitions.complete(hosts.census(options.middleware, own=True))
+        try:
+            return topics_of(network, options.topics), hosts.lost
+        except ValueError:  # nothing publishes them now
+            return (), hosts.lost
+
+    return Seek(Absent(hosts.lost), look)
+
+
 def subscriptions_of(topics: Iterable[Channel]) -> list[Channel]:
     """Those that hear all publishers of these topics."""
     return [each for topic in topics for each in topic.each_way()]
@@ -211,6 +231,12 @@ def tell_host(options: argparse.Namespace, told: Lost | Back) -> None:
 
     text = f"{told.why}; the others go on" if isinstance(told, Lost) else f"{told.host} is heard again"
     say(f"rc {options.command}", text)
+
+
+def tell_found(options: argparse.Namespace, found: Found) -> None:
+    """Say that hosts are heard that were out of reach from the beginning."""
+    for host in dict.fromkeys(each.host for each in found.topics):
+        say(f"rc {options.command}", f"{host} is heard now")
 
 
 def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:

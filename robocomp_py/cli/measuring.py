@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .common import UNREACHABLE
 from .hosts import add_hosts, code_of
-from .live import add_topics, count, nothing_heard, tell_host
+from .live import add_topics, count, nothing_heard, seek_of, tell_found, tell_host
 
 if TYPE_CHECKING:
     from ..tools.hosts import Hosts
@@ -44,13 +44,15 @@ def measure(
 
     Raises Absent if nothing is heard.
     """
-    from ..tools.tap import Back, Lost, Resumed, arrivals
+    from ..tools.tap import Back, Found, Lost, Resumed, arrivals
     from ..tools.traffic import Traffic
 
     heard: dict[tuple[str, str], Traffic] = {}
     subscribed: dict[tuple[str, str], list[Channel]] = {}
-    for topic in topics:
-        subscribed.setdefault((topic.name, topic.host), []).append(topic)
+
+    def note(found: Sequence[Channel]) -> None:
+        for each in found:
+            subscribed.setdefault((each.name, each.host), []).append(each)
 
     def tell() -> None:
         now = time.monotonic()
@@ -67,11 +69,15 @@ def measure(
             else:
                 print(f"{told}: {words(channel, traffic) or messages(traffic)}", flush=True)
 
+    note(topics)
     told, told_of, code = time.monotonic(), 0, code_of(hosts)
-    for each in arrivals(topics, first=options.timeout, whole=options.seconds):
+    for each in arrivals(topics, first=options.timeout, whole=options.seconds, seek=seek_of(options, hosts)):
         if isinstance(each, Resumed):
             for traffic in heard.values():
                 traffic.resume(each.at)
+        elif isinstance(each, Found):
+            note(each.topics)
+            tell_found(options, each)
         elif isinstance(each, Lost | Back):
             code = UNREACHABLE
             tell_host(options, each)

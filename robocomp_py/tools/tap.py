@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import os
 import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -18,12 +19,15 @@ from ..threads import start_thread
 from ..transports.base import Heard, SupportsSources
 from ..wire import json
 from ..wire.codec import Codec, Payload
+from .absent import Absent
 from .access import Access, Subscription
 from .far import Far, FarArrivals
 from .far import Message as Message
 from .network import Channel
 from .posts import Post
 from .traffic import Arrival
+
+log = logging.getLogger("robocomp.tools")
 
 DEPTH = 100
 """Messages of a topic that may wait to be printed."""
@@ -39,6 +43,9 @@ _LOOK = 0.1
 
 _AGAIN = 2.0
 """Seconds between two attempts to hear a lost host."""
+
+_SEEKING = 0.5
+"""Seconds that the end waits for a look for hosts, which may wait for a scout that hangs. It ends with their scouts."""
 
 _FAR = 64 * 1024
 """Octets that count for a message that a scout has decoded, whatever its size."""
@@ -64,6 +71,20 @@ class Back(NamedTuple):
     """A lost host is heard again."""
 
     host: str
+
+
+class Found(NamedTuple):
+    """A host can be asked that was out of reach from the beginning. These topics on it are heard from now on."""
+
+    topics: Sequence[Channel]
+
+
+class Seek(NamedTuple):
+    """How to find topics on hosts that were out of reach from the beginning."""
+
+    absent: Absent
+    look: Callable[[], tuple[Sequence[Channel], Collection[str]]]
+    """Returns the topics, and the hosts that cannot be asked. It may take long, and raise RobocompError."""
 
 
 class Resumed(NamedTuple):
@@ -126,8 +147,13 @@ class Inbox:
 
 
 def tapped(
-    topics: Sequence[Channel], *, first: float, whole: float | None, full: bool = True
-) -> Generator[Message | Presence | Lost | Back, None, None]:
+    topics: Sequence[Channel],
+    *,
+    first: float,
+    whole: float | None,
+    full: bool = True,
+    seek: Seek | None = None,
+) -> Generator[Message | Presence | Lost | Back | Found, None, None]:
     """The messages of these topics, for `whole` seconds or for ever. Ends if none comes in the `first` seconds.
 
     A topic may be given several times, once for each way of `Channel.each_way`. Whether topics are published is only
@@ -142,9 +168,11 @@ def tapped(
         inbox.put,
         published.clear,  # new subscriptions find their publishers anew
         far=Far(inbox.put, inbox.miss, full),
+        seek=seek,
     )
     with _listening(subscriptions):
         while span.goes_on():
+            yield from subscriptions.finds()
             for lost in subscriptions.losses():
                 for key in [each for each in published if each[1] == lost.host]:
                     del published[key]
@@ -197,8 +225,8 @@ def tap(topics: Sequence[Channel]) -> Iterator[Tap]:
 
 
 def arrivals(
-    topics: Sequence[Channel], *, first: float, whole: float | None
-) -> Iterator[Arrival | Lost | Back | Resumed | None]:
+    topics: Sequence[Channel], *, first: float, whole: float | None, seek: Seek | None = None
+) -> Generator[Arrival | Lost | Back | Found | Resumed | None, None, None]:
     """The arrivals of new messages, for as long as `tapped`; None whenever 0.1 s pass without one.
 
     If the caller does not take them, at most `ARRIVALS` wait; further ones are not counted.
@@ -219,8 +247,10 @@ def arrivals(
     def resumed() -> None:
         waiting.put(Resumed(time.monotonic()))  # not bounded: only a user who types causes them
 
-    with _listening(subscriptions := _Subscriptions(topics, note, resumed, latched=False, far=FarArrivals(put))):
+    subscriptions = _Subscriptions(topics, note, resumed, latched=False, far=FarArrivals(put), seek=seek)
+    with _listening(subscriptions):
         while span.goes_on():
+            yield from subscriptions.finds()
             yield from subscriptions.losses()
             try:
                 arrival = waiting.get(timeout=_LOOK)
@@ -273,6 +303,7 @@ class _Subscriptions:
         *,
         far: Far | FarArrivals,
         latched: bool = True,
+        seek: Seek | None = None,
     ) -> None:
         """`take` gets the name of a channel, a message, and the function that shows its payload.
 
@@ -281,7 +312,9 @@ class _Subscriptions:
         """
         self._topics = [each for each in topics if each.via is None]
         self._take, self._resumed = take, resumed
-        self._latched, self._far = latched, far
+        self._latched, self._far, self._seek = latched, far, seek
+        self._found: queue.SimpleQueue[Sequence[Channel]] = queue.SimpleQueue()
+        self._seeking: threading.Thread | None = None
         self._posts: dict[Post, list[Channel]] = {}
         for each in topics:
             if each.via:
@@ -333,6 +366,42 @@ class _Subscriptions:
             self._again = time.monotonic() + _AGAIN
             self._try_again()
 
+    def finds(self) -> Iterator[Found]:
+        """Look for absent hosts from time to time, on a thread of its own; and subscribe to what was found there."""
+        seek = self._seek
+        if seek and seek.absent and seek.absent.is_due():
+            self._seeking = threading.Thread(target=self._look, args=(seek,), name="looking for hosts", daemon=True)
+            if not start_thread(self._seeking):
+                seek.absent.looked(())
+        while not self._found.empty():
+            topics = self._found.get()
+            yield Found(topics)
+            with self._changing:
+                self._add(topics)
+
+    def _look(self, seek: Seek) -> None:
+        lost: Collection[str] = ()
+        try:
+            topics, lost = seek.look()
+            found = [way for each in topics for way in each.each_way(lambda way: way.host not in seek.absent)]
+            if found:
+                self._found.put(found)
+            for each in found:
+                seek.absent.found(each.host)
+        except (RobocompError, ValueError) as exc:
+            log.debug("looking for hosts: %s", exc)  # it is tried again
+        finally:
+            seek.absent.looked(lost)
+
+    def _add(self, topics: Sequence[Channel]) -> None:
+        by_post: dict[Post, list[Channel]] = {}
+        for each in topics:
+            if each.via:
+                by_post.setdefault(each.via, []).append(each)
+        self._posts |= by_post
+        for post, there in by_post.items() if self._access else ():
+            self._follow(post, there)
+
     def is_back(self, host: str) -> bool:
         """Whether `losses` has yielded this host, of which a message has come. True only once for each loss."""
         was_lost = host in self._reported and host not in self._far.lost
@@ -360,6 +429,8 @@ class _Subscriptions:
         self._wanted.put(None)
         if self._thread.ident:
             self._thread.join()
+        if self._seeking and self._seeking.ident:
+            self._seeking.join(_SEEKING)
         with self._changing:
             self._silence()
 

@@ -13,7 +13,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from robocomp_py.errors import HostUnreachable, Unreachable
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import leases, scout
+from robocomp_py.tools.absent import Absent
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import Seen, take_census
 from robocomp_py.tools.doctor.elsewhere import left_there, places
@@ -39,7 +40,7 @@ from robocomp_py.tools.posts import Post, ScoutError
 from robocomp_py.tools.publishing import publish
 from robocomp_py.tools.scout import LONGEST, Scout, parts_of
 from robocomp_py.tools.survey import merged, survey, told_in
-from robocomp_py.tools.tap import DEPTH, Message, tapped
+from robocomp_py.tools.tap import DEPTH, Found, Message, Seek, arrivals, tapped
 from robocomp_py.tools.traffic import Arrival
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
@@ -424,6 +425,49 @@ def test_a_host_that_is_out_of_reach_is_told_while_others_are_heard(capsys: pyte
         shown = capsys.readouterr()
         assert shown.err == "warning: base is out of reach: its cable was cut\n"
         assert shown.out
+
+
+def test_a_host_that_was_out_of_reach_from_the_beginning_is_heard_once_it_is_there(
+    talker: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    complaints = io.StringIO()
+    with elsewhere.network("base") as network:
+        scouts = dict(network.standing.scouts)
+        network.standing.scouts.clear()
+
+        def come_back() -> None:
+            wait_until(lambda: "base is out of reach" in complaints.getvalue())
+            network.standing.scouts |= scouts
+            wait_until(lambda: "rc echo: base is heard now" in complaints.getvalue())
+            talker.texts = ("late",)
+
+        coming = threading.Thread(target=come_back)
+        coming.start()
+        with contextlib.redirect_stderr(complaints):
+            words = ("--where", "text=late", "-n", "40", "--json", "--middleware", "shm")
+            assert rc.main(["echo", "news", *words]) == UNREACHABLE
+        coming.join()
+    lines = map(json.loads, capsys.readouterr().out.splitlines())
+    assert {each["host"] for each in lines} == {"", "base"}
+
+
+@pytest.mark.usefixtures("talker")
+def test_a_host_that_was_out_of_reach_from_the_beginning_is_measured_once_it_is_there(post: Post) -> None:
+    here = take_census(["shm"]).channels["talker/Everything/news"]
+    there = Channel(here.name, Pattern.PUBLISH, [replace(each, host="base", via=post) for each in here.providers])
+    now = iter([0.0])
+    absent = Absent(["base"], lambda: next(now, 10.0))
+    told = list[Any]()
+    with contextlib.closing(
+        arrivals([here], first=SOON, whole=None, seek=Seek(absent, lambda: ([there], ())))
+    ) as heard:
+        for each in heard:
+            told.append(each)
+            if isinstance(each, Arrival) and each.host == "base":
+                break
+    (found,) = (each for each in told if isinstance(each, Found))
+    assert [each.host for each in found.topics] == ["base"]
+    assert not absent
 
 
 @pytest.mark.usefixtures("talker")
