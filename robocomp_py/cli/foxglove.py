@@ -111,15 +111,15 @@ def _take_recording(options: argparse.Namespace) -> None:
 
 
 def _show_network(bridge: Bridge, options: argparse.Namespace, hosts: Hosts, end: float) -> None:
+    from ..dsl.definitions import Definitions
     from ..tools.access import Access
-    from ..tools.definitions import Definitions
     from ..tools.recording.session import Session
 
     definitions = Definitions(options.include)
 
     def census() -> Network:
         """What runs on all hosts, or of it what belongs to the network that is wanted."""
-        found = definitions.complete(hosts.renew().census(options.middleware, own=bool(options.topics)))
+        found = hosts.renew().census(options.middleware, own=bool(options.topics)).complete(definitions.search)
         return found.only(hosts.instances) if options.network else found
 
     with Access() as access:

@@ -109,7 +109,7 @@ def add_topics(to: argparse.ArgumentParser) -> None:
 
 
 def add_definitions(to: argparse.ArgumentParser) -> None:
-    """Where `tools.definitions` searches."""
+    """Where `dsl.definitions` searches."""
     add_include(to, "a folder of IDSL files, for programs that do not announce their contracts; may be repeated")
 
 
@@ -147,10 +147,10 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
 
     Raises Absent after the timeout, with its last error, and HostUnreachable if a host could not be looked at.
     """
+    from ..dsl.definitions import Definitions
     from ..errors import HostUnreachable
     from ..spelling import and_then
     from ..tools.census import take_census
-    from ..tools.definitions import Definitions
     from .progress import Progress
 
     census = hosts.census if hosts else take_census
@@ -159,7 +159,7 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     with Progress(f"rc {options.command}") as progress:
         while True:
             try:
-                return pick(definitions.complete(census(options.middleware, own=True)))
+                return pick(census(options.middleware, own=True).complete(definitions.search))
             except ValueError as exc:
                 if isinstance(exc, Wrong) or time.monotonic() > end:
                     if hosts and hosts.lost:
@@ -182,14 +182,14 @@ def seek_of(options: argparse.Namespace, hosts: Hosts) -> Seek | None:
     """How to find these topics on the hosts that are out of reach now; None if there are none."""
     if not hosts.lost:
         return None
+    from ..dsl.definitions import Definitions
     from ..tools.absent import Absent
-    from ..tools.definitions import Definitions
     from ..tools.tap import Seek
 
     definitions = Definitions(options.include)
 
     def look() -> tuple[Sequence[Channel], Collection[str]]:
-        network = definitions.complete(hosts.census(options.middleware, own=True))
+        network = hosts.census(options.middleware, own=True).complete(definitions.search)
         try:
             return topics_of(network, options.topics), hosts.lost
         except ValueError:  # nothing publishes them now

@@ -76,9 +76,9 @@ def _serve(options: argparse.Namespace) -> int:
     from ..client.goals import Action
     from ..client.session import Session
     from ..deploy.client import network_of, not_running, running_plan
+    from ..dsl.definitions import Definitions
     from ..tools.access import Access
     from ..tools.asking import DEADLINE
-    from ..tools.definitions import Definitions
     from ..tools.mcp.bounds import Bounds
     from ..tools.mcp.permissions import permissions_of
     from ..tools.mcp.requests import Requests
@@ -99,7 +99,7 @@ def _serve(options: argparse.Namespace) -> int:
             session = Session("", options.middleware, DEADLINE, TOOL)
 
             def census() -> Network:
-                return definitions.complete(hosts.census(options.middleware))
+                return hosts.census(options.middleware).complete(definitions.search)
 
             def begin(offered: Offered, values: tuple[Any, ...]) -> Goal[Any, Any]:
                 key = f"{offered.name} {offered.start.middlewares} {list(offered.start.texts)}"

@@ -113,9 +113,9 @@ def split(text: str) -> tuple[int | None, float | None]:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ..dsl.definitions import Definitions
     from ..errors import ConfigurationError
     from ..tools.access import Access
-    from ..tools.definitions import Definitions
     from ..tools.recording.bag import Options
     from ..tools.recording.session import Session
     from ..tools.recording.tellers import Tellers
@@ -138,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
             def census() -> Network:
                 found = hosts.renew().census(options.middleware, own=bool(options.topics))
                 lost.update(hosts.lost)
-                return definitions.complete(found)
+                return found.complete(definitions.search)
 
             try:
                 with Access() as access:

@@ -274,19 +274,23 @@ class Network:
             _add(found, each)
         return found
 
-    def undefined(self) -> dict[int, str]:
-        """The fingerprints of contracts whose text no program announces, each with the name of its interface."""
-        return {
+    def complete(self, search: Callable[[Mapping[int, str]], Mapping[int, str]]) -> Network:
+        """Add the texts of contracts of which programs announce only the fingerprints. Returns this network.
+
+        `search` is only called if there are any. It takes the fingerprints, each with the name of the interface, and
+        returns texts, "" for those it has not found.
+        """
+        wanted = {
             fingerprint: channel.interface
             for channel in self.channels.values()
             for fingerprint, text in channel.texts.items()
             if not text
         }
-
-    def define(self, texts: Mapping[int, str]) -> None:
-        """Give ends that announce only the fingerprint of their contract its text."""
-        for channel in self.channels.values():
-            channel.ends = [_defined(each, texts) for each in channel.ends]
+        if wanted:
+            texts = search(wanted)
+            for channel in self.channels.values():
+                channel.ends = [_defined(each, texts) for each in channel.ends]
+        return self
 
     def components(self, *, tools: bool = False) -> list[Running]:
         """In the order of their names; with `tools`, also commands such as `rc echo`."""

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..dsl.workspace import Workspace
-    from .network import Network
+    from .workspace import Workspace
 
 
 class Definitions:
@@ -23,20 +22,20 @@ class Definitions:
         self._include = include
         self._texts: dict[int, str] = {}
 
-    def complete(self, network: Network) -> Network:
-        """Add the texts of contracts that no program announces. Returns the network."""
-        wanted = network.undefined()
+    def search(self, wanted: Mapping[int, str]) -> Mapping[int, str]:
+        """The texts of contracts by their fingerprints, "" for one that is not found.
+
+        `wanted` has the name of the interface for each fingerprint.
+        """
         if new := {each: name for each, name in wanted.items() if each not in self._texts}:
-            self._texts |= dict.fromkeys(new, "") | _found(new, self._include)
-        if wanted:
-            network.define(self._texts)
-        return network
+            self._texts = self._texts | dict.fromkeys(new, "") | _found(new, self._include)
+        return self._texts
 
 
 def _found(wanted: Mapping[int, str], include: Sequence[Path]) -> dict[int, str]:
     """The contracts with these fingerprints, each of an interface of that name."""
     from ..contract.interface import Interface
-    from ..dsl.workspace import Workspace  # most programs announce their contracts
+    from .workspace import Workspace  # most programs announce their contracts
 
     workspace = Workspace(include)
     texts: dict[int, str] = {}
