@@ -14,6 +14,7 @@ from .completing import What, completed
 from .hosts import add_hosts, code_of, hosts_of
 from .live import (
     Absent,
+    Wrong,
     add_definitions,
     add_json,
     add_middleware,
@@ -280,9 +281,26 @@ def _awaited(options: argparse.Namespace, hosts: Hosts) -> Offered:
 def _picked(network: Network, options: argparse.Namespace) -> Offered:
     from ..tools.actions import named
 
-    found = named(network, options.action)
+    try:
+        found = named(network, options.action)
+    except ValueError:
+        if told := _no_action(network, options.action):
+            raise Wrong(told) from None
+        raise
     check_one_host(found.name, found.parts.values())
     return found
+
+
+def _no_action(network: Network, name: str) -> str:
+    """The message for the name of another operation; "" if there is none of this name."""
+    from ..contract.interface import Pattern
+
+    for each in network.channels.values():
+        if f"/{each.name}".endswith(f"/{name.strip('/')}") and each.providers and "-" not in name:
+            is_topic = each.pattern is Pattern.PUBLISH
+            what, use = ("topic", "`rc echo` prints it") if is_topic else (each.pattern, "`rc call` calls it")
+            return f"`{name}` is no action: {each.name} is a {what}; {use}"
+    return ""
 
 
 def _goals(offered: Offered) -> dict[bytes, GoalState]:

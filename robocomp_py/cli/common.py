@@ -264,7 +264,7 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Seq
 
     table = Table(box=None, pad_edge=False, header_style="")
     for column in head:
-        table.add_column(column, no_wrap=column not in wrapped)
+        table.add_column(column, no_wrap=column not in wrapped, overflow="fold")  # a name that is cut is of no use
     for row in cells[1:]:
         table.add_row(*map(Text, row))
     console = Console(highlight=False)

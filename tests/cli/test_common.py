@@ -241,3 +241,13 @@ def test_a_table_of_plain_text_is_the_same_with_and_without_wrapping(capsys: pyt
     assert plain == "name           number\nworld          1\na longer name\n"
     print_table(("name", "number"), [*rows, ("…", "2")])
     assert capsys.readouterr().out == f"{plain}…              2\n"
+
+
+def test_a_narrow_terminal_cuts_no_name(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setenv("FORCE_COLOR", "1")  # it counts as a terminal
+    row = ("world/DifferentialRobotPub/pushBaseState", "zeromq – shm")
+    print_table(("channel", "over"), [row], wrapped=("channel",))
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 40
+    assert sorted("".join(shown.split())) == sorted("".join(("channel", "over", *row)).replace(" ", ""))

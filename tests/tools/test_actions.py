@@ -128,6 +128,7 @@ def test_ctrl_c_cancels_the_goal(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (("send", "fyl", "--timeout", "0.1"), 1, "no action `fyl` is offered now; did you mean `fly`?"),
         (("info", "elephant", "--timeout", "0.1"), 1, "`rc action list` shows all"),
+        (("info", "pilot/CommonBehavior/getState"), 1, "getState is a query; `rc call` calls it"),
         (("send", "fly", "steps=1"), 2, "fly: lacks `target`"),
         (("send", "fly", "{"), 2, "is no JSON"),
         (("send", "fly", "target=1", "steps=1"), 2, "fly.target: the number 1 is given"),
