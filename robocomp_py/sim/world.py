@@ -299,11 +299,11 @@ class World(Motion, Touching):
     def set_noise(self, node: str, deviation: float) -> None:
         """Set the standard deviation of what disturbs a node.
 
-        Of a laser, mm; of an inertial unit, m/s² and rad/s; of a base, a factor of its speed; of an rgbd, a factor of
+        Of a laser, mm; of an inertial unit, m/s² and rad/s; of a base, a part of its speed; of a camera, a part of
         its depths.
         """
         disturbed = {**self._scene.bases, **self._lasers, **self._imus, **self._lenses}
-        existing("laser, imu, base or rgbd", node, disturbed)
+        existing("laser, imu, base or camera", node, disturbed)
         (deviation,) = _finite("standard deviation", deviation)
         if deviation < 0.0:
             raise ValueError(f"a standard deviation of {deviation}")

@@ -463,3 +463,12 @@ def test_an_opengl_that_is_named_and_not_there_is_told_by_a_component(tmp_path: 
         env=environment, capture_output=True, text=True,
     )  # fmt: skip
     assert "ConfigurationError: MUJOCO_GL=egl names an OpenGL that this machine does not have" in said.stderr
+
+
+def test_an_opengl_that_mujoco_does_not_know_is_told_by_a_component() -> None:
+    environment = {**os.environ, "MUJOCO_GL": "vulkan"}
+    said = subprocess.run(
+        [sys.executable, "-c", "import robocomp_py.sim.serve.simulator"],
+        env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert "ConfigurationError: MUJOCO_GL=vulkan names an OpenGL that this machine does not have" in said.stderr

@@ -393,7 +393,7 @@ def test_time_is_exact(room: World) -> None:
         (lambda room: room.set_odometry("base", x=math.inf), ValueError, "inf is no pose"),
         (lambda room: room.correct_odometry("base", 0, 0, math.nan), ValueError, "nan is no pose"),
         (lambda room: room.set_noise("laser", -1), ValueError, "a standard deviation of -1"),
-        (lambda room: room.set_noise("hand", 1), InnerModelError, "unknown laser, imu, base or rgbd `hand`"),
+        (lambda room: room.set_noise("hand", 1), InnerModelError, "unknown laser, imu, base or camera `hand`"),
         (lambda room: room.step(-1), ValueError, "-1 ticks"),
     ],
 )

@@ -341,7 +341,7 @@ _Simulation_setNoise: Operation[None] = Operation(
     ),
     raises=(SimulationException.__contract__,),
     idempotent=True,
-    doc="Set the standard deviation of the noise of a node: of a laser in mm; of a base as a part of its speed.",  # noqa: E501, RUF100
+    doc="Set the standard deviation of the noise of a node: of a laser in mm; of an imu in m/s² and rad/s; of a base as\na part of its speed; of an rgbd as a part of its depths.",  # noqa: E501, RUF100
 )
 _Simulation_scene: Operation[str] = Operation(
     "RoboCompSimulation::Simulation",

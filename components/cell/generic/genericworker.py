@@ -220,8 +220,9 @@ class GenericWorker(Worker[Params]):
 
     @abstractmethod
     def Simulation_setNoise(self, id: str, sigma: float) -> None:
-        """Set the standard deviation of the noise of a node: of a laser in mm; of a
-        base as a part of its speed.
+        """Set the standard deviation of the noise of a node: of a laser in mm; of an
+        imu in m/s² and rad/s; of a base as a part of its speed; of an rgbd as a part of
+        its depths.
 
         IDSL: idempotent void setNoise(string id, double sigma) throws
         SimulationException

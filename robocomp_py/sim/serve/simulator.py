@@ -51,8 +51,8 @@ try:
     from .studio import Studio
 except ImportError as exc:
     raise ConfigurationError(f"a scene needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})") from exc
-except AttributeError as exc:  # what PyOpenGL raises while MuJoCo loads the OpenGL that this variable names
-    if not (wanted := os.environ.get("MUJOCO_GL", "")):
+except (AttributeError, RuntimeError) as exc:  # PyOpenGL raises the first for an OpenGL that is not there, MuJoCo the
+    if not (wanted := os.environ.get("MUJOCO_GL", "")):  # second for a name that it does not know
         raise
     text = f"MUJOCO_GL={wanted} names an OpenGL that this machine does not have, so MuJoCo cannot be loaded"
     raise ConfigurationError(f"{text}: unset it; without OpenGL, everything but cameras works") from exc

@@ -82,7 +82,7 @@ class Desk:
             self._sheet.select(node)
         elif number in self._lookers and node in self.editor.tree:
             tree = self.editor.tree
-            self._lookers[number].value = facts(tree, node, tree.matrix(ROOT_ID, node))
+            self._lookers[number].value = facts(tree, node, tree.matrix(ROOT_ID, node), str(tree.place(node) or ""))
 
     def _look(self) -> None:
         stamps = self._stamped()

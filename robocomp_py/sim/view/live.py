@@ -89,6 +89,10 @@ class LiveShow(Show):
         pose = self._connection[f"{self._name}/InnerModelManager"].getPose("root", node).pose
         return _matrix(pose)
 
+    def place(self, node: str) -> str:
+        """None: the text that the component tells is that of no file, since the scene may have been edited."""
+        return ""
+
     def _renew(self) -> None:
         """Show the scene as it is, with all edits."""
         simulation = self._connection[f"{self._name}/Simulation"]
@@ -102,6 +106,7 @@ class LiveShow(Show):
         if self._heard_clouds(simulation) or is_new:
             self.show(self.tree, poses, self._clouds)
         self.scene.place(poses)  # a message that told of one may have been lost
+        self.tell_again()
         self._trouble = ""
 
     def _heard_clouds(self, simulation: Any) -> bool:

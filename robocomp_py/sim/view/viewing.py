@@ -60,6 +60,8 @@ class Show:
         self.scene = Scene(page.server, tell, self._picked)
         self._facts: dict[int, Any] = {}
         """What pages show of a node, by their numbers."""
+        self._picks: dict[int, str] = {}
+        """The nodes that pages show, by the numbers of the pages."""
         self.tree = Tree()
         page.server.on_client_connect(self._opened)
         page.server.on_client_disconnect(self._left)
@@ -80,18 +82,29 @@ class Show:
         """The pose of a node, seen from the root."""
         return self.tree.matrix(ROOT_ID, node)
 
+    def place(self, node: str) -> str:
+        """The place of a node in its file; "" if it has none."""
+        return str(self.tree.place(node) or "")
+
     async def _opened(self, client: viser.ClientHandle) -> None:
         self._facts[client.client_id] = client.gui.add_text("node", _NOTHING, multiline=True, disabled=True)
 
     async def _left(self, client: viser.ClientHandle) -> None:
         self._facts.pop(client.client_id, None)
+        self._picks.pop(client.client_id, None)
+
+    def tell_again(self) -> None:
+        """Tell pages of the nodes that they show, which may have moved."""
+        for client, node in list(self._picks.items()):
+            self._picked(node, client)
 
     def _picked(self, node: str, client: int) -> None:
         text = self._facts.get(client)
         if text is None or node not in self.tree:
             return
+        self._picks[client] = node
         try:
-            text.value = facts(self.tree, node, self.where(node))
+            text.value = facts(self.tree, node, self.where(node), self.place(node))
         except RobocompError as exc:  # a component that runs no longer
             text.value = str(exc)
 
@@ -131,12 +144,11 @@ class FileShow(Show):
         return Tree.read(self._path, reading=reading)
 
 
-def facts(tree: Tree, name: str, pose: Array) -> str:
-    """What a node is, in lines for people."""
+def facts(tree: Tree, name: str, pose: Array, place: str) -> str:
+    """What a node is, in lines for people. `place` is that in its file, or ""."""
     node = tree.node(name)
-    place = tree.place(name)
     turn = axes.angles(pose[:3, :3])
-    lines = [f"{node.tag} {name}", *([str(place)] if place else []), f"in {node.parent}" if node.parent else ""]
+    lines = [f"{node.tag} {name}", place, f"in {node.parent}" if node.parent else ""]
     lines.append("at " + ", ".join(f"{round(each)}" for each in pose[:3, 3]) + " mm")
     lines.append("turned " + ", ".join(f"{round(each, 3) + 0.0:.3f}" for each in turn) + " rad")
     known = TAGS[node.tag].attributes

@@ -79,6 +79,9 @@ def test_a_running_scene_is_shown_as_it_goes_on(tmp_path: Path) -> None:
             assert crate["where"][:3, 3] == pytest.approx((0.5, -1, 0))
             visitor.click(crate["name"])
             visitor.awaits(lambda: "at 1000, 0, 500 mm" in visitor.value("node"))
+            assert visitor.value("node").splitlines()[:2] == ["plane crate", "in base"]
+            house.InnerModelManager.setPose("root", "base", (1200, 0, 500, 0, 0, 0))
+            visitor.awaits(lambda: "at 1200, 0, 500 mm" in visitor.value("node"))
             # points are set, and set again
             point = {"x": 100, "y": 0, "z": 200, "r": 255, "g": 0, "b": 9}
             house.InnerModelManager.setPointCloudData("seen", [point])
