@@ -53,10 +53,10 @@ def connect(
     try:
         while not session.census().channels:
             if time.monotonic() > end:
-                raise _nothing(network, session.lost)
+                raise _nothing(network, session.lost, middlewares)
             if not is_told and time.monotonic() > end - timeout + _PATIENCE:
                 is_told = True
-                log.warning("waiting up to %g s: %s", timeout, _nothing(network, session.lost))
+                log.warning("waiting up to %g s: %s", timeout, _nothing(network, session.lost, middlewares))
             time.sleep(_LOOK)
     except BaseException:  # Ctrl-C, too: no scout stays
         session.close()
@@ -111,7 +111,7 @@ class Connection(Closing, Branch):
             time.sleep(_LOOK)
 
 
-def _nothing(network: str, lost: Mapping[str, str]) -> NotThere:
+def _nothing(network: str, lost: Mapping[str, str], middlewares: Sequence[str]) -> NotThere:
     if not network:
         return NotThere("no component runs on this host, or none that others can see; start a network with rcdeploy up")
     from ..deploy.client import networks
@@ -122,7 +122,8 @@ def _nothing(network: str, lost: Mapping[str, str]) -> NotThere:
         running = []
     if network in running:
         why = "".join(f"; {each}" for each in lost.values())
-        ready = f"network `{network}` runs, and none of its components is ready: rcdeploy status {network}"
+        over = f" over {' or '.join(middlewares)}" if middlewares else ""
+        ready = f"network `{network}` runs, and none of its components is ready{over}: rcdeploy status {network}"
         return NotThere(ready + why)
     near = closest(network, running)
     hint = (

@@ -110,6 +110,8 @@ def _part(value: Any, parts: Sequence[str | int | Wide]) -> Any:
         match each:
             case int():
                 value = value[each]
+            case str() if isinstance(value, list | np.ndarray):
+                raise AttributeError(f"a sequence has no field `{each}`; its items may have: [0].{each} or [*].{each}")
             case str():
                 value = getattr(value, python_name(each))
             case Wide.ITEMS:

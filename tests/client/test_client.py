@@ -309,6 +309,8 @@ def test_a_part_of_a_message_is_found_by_its_path() -> None:
     assert part_of(inner(2.5), "place.x", "place") == 2.5
     assert part_of(np.array([1, 2]), "scan[1]", "scan") == 2
     assert part_of([inner(1.0), inner(2.5)], "points[*].x", "points").tolist() == [1.0, 2.5]
+    with pytest.raises(AttributeError, match=r"a sequence has no field `x`; its items may have: \[0\]\.x or \[\*\]\.x"):
+        part_of([inner(1.0)], "points.x", "points")
 
 
 def test_of_a_struct_its_numbers_are_drawn() -> None:

@@ -88,7 +88,7 @@ def test_a_lost_host_is_told(net: Any, network: elsewhere.Network, caplog: pytes
         _ = net.speaker
     assert why in caplog.text
     assert repr(net) == f"home:\n  base  {why}"
-    with pytest.raises(NotThere, match=why):
+    with pytest.raises(NotThere, match=f"none of its components is ready over shm: rcdeploy status home; {why}"):
         connect("home", middleware="shm", timeout=0.1)
     network.standing.scouts |= scouts
     assert tuple(net.talker.Everything.divide(17, 5)) == (3, 2)
