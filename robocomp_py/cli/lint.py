@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..installed import asked_once
 from . import outdated
 from .common import FINE, WRONG, add_include, complain, files_of, show
 from .completing import What, completed
@@ -65,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
     files, problems = files_of(options.files, linked=True, also=_is_checked)
     for problem in problems:
         complain(f"rc lint: {problem}")
-    found = check(files, options.include, options.against)
+    with asked_once():
+        found = check(files, options.include, options.against)
     if options.sarif:
         from ..dsl.sarif import to_sarif
 
@@ -96,16 +98,21 @@ def check(files: Sequence[Path], include: Sequence[Path] = (), against: Path | N
     from ..dsl.workspace import ENDINGS, Workspace
 
     workspace = Workspace(include)
+    components: list[Path] = []
     for path in files:
         match path.suffix.lower():
             case ".ddsl":
                 _check_network(path, workspace)
+                components += workspace.components_of(path)
             case ".cdsl":
                 _check_component(path, workspace)
+                components.append(path)
             case ending if ending in (*ENDINGS, ".xml"):
                 workspace.check(path)
             case _:
                 _check_other(path, workspace, against)
+    for path in {each.resolve(): each for each in components}.values():  # networks share components
+        outdated.warn_of(path, workspace)
     return ordered(dict.fromkeys(workspace.report.diagnostics))
 
 
@@ -114,7 +121,6 @@ def _check_component(path: Path, workspace: Workspace) -> None:
 
     workspace.check(path)
     check_component(path, workspace)
-    outdated.warn_of(path, workspace)
 
 
 def _check_other(path: Path, workspace: Workspace, against: Path | None) -> None:
@@ -135,8 +141,6 @@ def _check_network(path: Path, workspace: Workspace) -> None:
 
     make_plan(path, workspace, is_here=is_own)
     check_network(path, workspace)
-    for each in workspace.components_of(path):
-        outdated.warn_of(each, workspace)
     report = workspace.report
     report.diagnostics = [each for each in report.diagnostics if each.code != "not-generated"]
 

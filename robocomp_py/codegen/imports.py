@@ -5,10 +5,11 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
 
 from ..contract.types import Primitive
 from .layout import WIDTH
-from .linting import excused, parsed
+from .linting import TEXTS, excused, parsed
 
 MARK = "# imports\n"
 """Placeholder for the imports in a template."""
@@ -82,12 +83,14 @@ def import_from(source: str, names: Sequence[str]) -> str:
     return f"from {source} import (\n" + "".join(f"    {name},\n" for name in ordered) + ")"
 
 
-def used_names(text: str) -> set[str]:
+@lru_cache(TEXTS)
+def used_names(text: str) -> frozenset[str]:
     """The names that a text uses from the scope of its module."""
-    return set(_used(parsed(text)))
+    return frozenset(_used(parsed(text)))
 
 
-def bound_names(text: str) -> list[str]:
+@lru_cache(TEXTS)
+def bound_names(text: str) -> tuple[str, ...]:
     """The names that a text binds in the scope of its module, in order."""
     found: list[str] = []
     for node in parsed(text).body:
@@ -102,7 +105,7 @@ def bound_names(text: str) -> list[str]:
                 found.append(name)
             case _:
                 pass
-    return found
+    return tuple(found)
 
 
 def _used(node: ast.AST) -> Iterator[str]:

@@ -22,12 +22,17 @@ _MODULE = re.compile(r"[a-z_][a-z0-9_]*")
 _LOWER_ALIAS = re.compile(r"_?[a-z0-9]")
 
 
+TEXTS = 64
+"""How many texts are remembered. Components that use one interface have the same text for its module."""
+
+
 @lru_cache(maxsize=2)
 def parsed(text: str) -> ast.Module:
     """The syntax of a text, which several steps look at, one after the other. None may change it."""
     return ast.parse(text)
 
 
+@lru_cache(TEXTS)
 def excused(text: str) -> str:
     """The text with comments on the lines that break a rule."""
     lines = text.splitlines()
@@ -52,6 +57,7 @@ def excused(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+@lru_cache(TEXTS)
 def excused_file(text: str, module: str) -> str:
     """The text of a generated module, with a comment below its first line if it breaks rules for whole files."""
     rules = sorted(set(_whole_file(text, module)))
