@@ -32,6 +32,9 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.zeromq.transport": BUILD | (MIDDLEWARES - {"zmq"}) | {"numpy", "robocomp_py.runtime"},
     "robocomp_py.transports.dds.transport": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.dds.census": BUILD
+    | (MIDDLEWARES - {"cyclonedds"})
+    | {"numpy", "robocomp_py.runtime", "robocomp_py.transports.dds.types", "msgpack"},
     "robocomp_py.transports.exclusive": BUILD | MIDDLEWARES | {"robocomp_py.runtime", "msgpack", "numpy"},
     "robocomp_py.transports.zenoh.transport": BUILD | (MIDDLEWARES - {"zenoh"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.shm.transport": BUILD | (MIDDLEWARES - {"iceoryx2"}) | {"robocomp_py.runtime", "msgpack"},

@@ -91,8 +91,6 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..tools.tap import Back, Found, Lost, Presence, tapped
-
     if options.csv and options.json:
         print("rc echo: --csv and --json exclude each other", file=sys.stderr)
         return USAGE
@@ -103,6 +101,8 @@ def run(options: argparse.Namespace) -> int:
         if options.calls:
             return echo_calls(options, hosts)
         topics = awaited_topics(options, hosts)
+        from ..tools.tap import Back, Found, Lost, Presence, tapped  # loaded while the topics were awaited
+
         views, seek = _views(topics, options), seek_of(options, hosts)
         origin = _Origin(topics, several=seek is not None)
         printer = _Table(origin, views, options) if options.csv else _Lines(origin, views, options)

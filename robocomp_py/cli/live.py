@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -142,8 +142,15 @@ def say(command: str, text: str) -> None:
     print(f"{command}: {printable(text)}", file=sys.stderr)
 
 
-def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Hosts | None = None) -> T:
+def awaited(
+    options: argparse.Namespace,
+    pick: Callable[[Network], T],
+    hosts: Hosts | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> T:
     """What `pick` finds in the network, once it finds it. Without hosts, only this one is looked at.
+
+    `meanwhile` is what a command has to do in any case; it is called while middlewares wait for what others tell.
 
     Raises Absent after the timeout, with its last error, and HostUnreachable if a host could not be looked at.
     """
@@ -159,7 +166,8 @@ def awaited(options: argparse.Namespace, pick: Callable[[Network], T], hosts: Ho
     with Progress(f"rc {options.command}") as progress:
         while True:
             try:
-                return pick(census(options.middleware, own=True).complete(definitions.search))
+                seen = census(options.middleware, own=True, meanwhile=meanwhile)
+                return pick(seen.complete(definitions.search))
             except ValueError as exc:
                 if isinstance(exc, Wrong) or time.monotonic() > end:
                     if hosts and hosts.lost:
@@ -174,8 +182,20 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
 
     Raises Absent, and HostUnreachable.
     """
-    topics = awaited(options, lambda network: topics_of(network, options.topics), hosts)
+    topics = awaited(
+        options, lambda network: topics_of(network, options.topics), hosts, lambda: _prepare_to_listen(options)
+    )
     return subscriptions_of(understood(options, topics))
+
+
+def _prepare_to_listen(options: argparse.Namespace) -> None:
+    """Import what subscriptions need, which takes as long as some middlewares wait for what others tell."""
+    from .. import installed
+    from ..tools import tap  # noqa: F401 - it is only loaded
+
+    for name in options.middleware:
+        with suppress(ImportError):  # it may be used on other hosts only
+            installed.transport(name)
 
 
 def seek_of(options: argparse.Namespace, hosts: Hosts) -> Seek | None:

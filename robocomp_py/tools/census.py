@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from .. import installed
 from ..errors import ConfigurationError, TransportError
@@ -13,6 +14,8 @@ from ..transports.deployment import deployment_of, deployments
 from .announced import told_by_transport
 from .network import End, Network
 from .programs import described
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -28,19 +31,27 @@ class Seen:
 
 
 def take_census(
-    middlewares: Sequence[str] = (), *, own: bool = False, options: Mapping[str, Mapping[str, Any]] | None = None
+    middlewares: Sequence[str] = (),
+    *,
+    own: bool = False,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Network:
     """What runs now over these middlewares, by default over all that can tell.
 
-    With `own`, the interfaces of the framework are shown, too. `options` are those of middlewares.
+    With `own`, the interfaces of the framework are shown, too. `options` are those of middlewares. `meanwhile` is
+    called once all have been asked, since some have to wait for what others tell.
 
     Raises ConfigurationError if a named middleware cannot tell, and TransportError.
     """
-    with installed.asked_once():
+    with installed.asked_once(), ExitStack() as asking:
         check_names(middlewares)
         ends: list[End] = []
-        for name in middlewares or _nearest_first(deployments()):
-            found = _ends(name, (options or {}).get(name, {}))
+        names = middlewares or _nearest_first(deployments())
+        asked = [_asked(name, (options or {}).get(name, {}), asking) for name in names]
+        meanwhile()
+        for name, heard in zip(names, asked, strict=True):
+            found = heard()
             if found is None and middlewares:
                 raise ConfigurationError(f"{name} cannot tell what uses it")
             ends += found or ()
@@ -68,7 +79,8 @@ def take_each(middlewares: Sequence[str] = (), options: Mapping[str, Mapping[str
         for name in middlewares or _nearest_first(deployments()):
             try:
                 check_names((name,))
-                found = _ends(name, (options or {}).get(name, {}))
+                with ExitStack() as asking:
+                    found = _asked(name, (options or {}).get(name, {}), asking)()
             except ConfigurationError:
                 continue  # it is not installed
             except TransportError as exc:
@@ -101,11 +113,21 @@ def _nearest_first(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: (deployment_of(name).near is None, name))
 
 
-def _ends(middleware: str, options: Mapping[str, Any]) -> list[End] | None:
+def _asked(middleware: str, options: Mapping[str, Any], asking: ExitStack) -> Callable[[], list[End] | None]:
+    """The census of a middleware, begun until `asking` ends. The function waits for what it finds."""
+    heard = _tried(middleware, lambda: asking.enter_context(deployment_of(middleware).asking(options)))
+
+    def ends() -> list[End] | None:
+        found = _tried(middleware, heard) if heard else None
+        return None if found is None else [End(middleware, told, options=options) for told in found]
+
+    return ends
+
+
+def _tried(middleware: str, do: Callable[[], T]) -> T | None:
     try:
-        found = deployment_of(middleware).census(options)
+        return do()
     except ImportError:
         return None  # so no component on this host uses it
     except TransportError as exc:
         raise TransportError(f"{middleware}: {exc}") from exc
-    return None if found is None else [End(middleware, told, options=options) for told in found]

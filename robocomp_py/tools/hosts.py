@@ -96,16 +96,18 @@ class Hosts(Closing):
                 f"{channel.name}: the keys of an operator publish nothing; let a component of the network publish it"
             )
 
-    def census(self, middlewares: Sequence[str], *, own: bool = False) -> Network:
+    def census(
+        self, middlewares: Sequence[str], *, own: bool = False, meanwhile: Callable[[], object] = lambda: None
+    ) -> Network:
         """As `take_census`. What cannot be asked on another host is told, once."""
         if not self.posts:
             self.lost = {}
             chosen = self._others is not None
-            network = take_census(middlewares, own=own or chosen, options=self._options)
+            network = take_census(middlewares, own=own or chosen, options=self._options, meanwhile=meanwhile)
             return Network(self._looked_at(network.ends), own=own) if chosen else network
         check_names(middlewares)
         if self.here:
-            here = list(take_census(middlewares, own=True, options=self._options).ends)
+            here = list(take_census(middlewares, own=True, options=self._options, meanwhile=meanwhile).ends)
         else:
             here = of_programs(middlewares, self._options)
         known = self.lost

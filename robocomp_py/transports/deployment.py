@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -162,6 +164,15 @@ class Deployment:
         from .directory import census  # most commands do without
 
         return census(self.directory)
+
+    @contextmanager
+    def asking(self, options: Mapping[str, Any]) -> Iterator[Callable[[], list[Told] | None]]:
+        """A census that is begun, and that the function ends. A transport that has to wait until others have told opens
+        itself here, so that its caller has something else done while it waits.
+
+        Entering it and the function may raise TransportError.
+        """
+        yield partial(self.census, options)
 
     def examine(self, options: Mapping[str, Any]) -> Iterator[Complaint]:
         """What is wrong with the options of an instance, before it opens anything."""

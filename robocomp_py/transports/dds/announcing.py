@@ -13,7 +13,6 @@ from collections.abc import Hashable, Iterator
 from .bus import Bus, Writer
 from .endpoints import TOPIC, Said, announced_data
 from .qos import KEEP_ALL, endpoint_qos
-from .types import announcement_type
 
 NAME = f"{TOPIC}announcements"
 
@@ -60,6 +59,8 @@ class Announcing:
         self._changed = self._gathering > 0
         if self._changed:
             return
+        from .types import announcement_type  # a census announces nothing
+
         with contextlib.ExitStack() as replaced:
             new = []
             for data in announced_data(list(self._descriptions.values())):

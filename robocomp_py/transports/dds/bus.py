@@ -16,7 +16,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cyclonedds.core import DDSException, Entity, Policy, Qos
 from cyclonedds.domain import DomainParticipant
@@ -29,7 +29,6 @@ from ..leader_followers import Job
 from .domain import any_open, close_domain, open_domain
 from .endpoints import Endpoints
 from .library import ANY, LARGE, POLICIES, TIMEOUT, as_transport_error, creating, forget
-from .types import DdsType
 from .unsafe import (
     Waiting,
     delete,
@@ -43,6 +42,9 @@ from .unsafe import (
     write,
     write_unlocked,
 )
+
+if TYPE_CHECKING:
+    from .types import DdsType
 
 log = logging.getLogger("robocomp.transport.dds")
 

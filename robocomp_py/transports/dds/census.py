@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from typing import Any
 
 from ..base import TransportConfig
 from ..census import Told
-from .transport import DDSTransport
+from .core import DDSCore
 
 _QUIET = 0.1
 """Seconds without news after which discovery counts as complete."""
@@ -20,18 +20,25 @@ _LONGEST = 1.0
 _LOOK = 0.01
 
 
-def census(options: Mapping[str, Any]) -> list[Told]:
-    """See `Deployment.census`. DDS does not report when it has found all participants."""
-    with contextlib.closing(DDSTransport(TransportConfig(options, "rc"))) as transport:
-        begun = changed = time.monotonic()
-        known = 0
-        while (now := time.monotonic()) - changed < _QUIET and now - begun < _LONGEST:
-            time.sleep(_LOOK)
-            found = transport.bus.endpoints.every()
-            if len(found) != known or not found:
-                known, changed = len(found), now
-        return [
-            Told(each.owner, each.pid, each.role, each.channel, each.fingerprint, each.text, each.traits)
-            for each in transport.bus.endpoints.every()
-            if each.role
-        ]
+@contextlib.contextmanager
+def asking(options: Mapping[str, Any]) -> Iterator[Callable[[], list[Told]]]:
+    """See `Deployment.asking`. DDS does not report when it has found all participants."""
+    with contextlib.closing(DDSCore(TransportConfig(options, "rc"))) as transport:
+        endpoints = transport.bus.endpoints
+        begun = news = time.monotonic()
+
+        def note(channels: Set[str]) -> None:
+            nonlocal news
+            news = time.monotonic()
+
+        def heard() -> list[Told]:
+            while not (endpoints.every() and time.monotonic() - news > _QUIET) and time.monotonic() - begun < _LONGEST:
+                time.sleep(_LOOK)
+            return [
+                Told(each.owner, each.pid, each.role, each.channel, each.fingerprint, each.text, each.traits)
+                for each in endpoints.every()
+                if each.role
+            ]
+
+        endpoints.on_change = note
+        yield heard

@@ -33,9 +33,6 @@ from .announcing import Announcing
 from .bus import Bus
 from .endpoints import Endpoint, concerned
 from .limits import DEFAULTS, limits_of
-from .types import (
-    CODEC,
-)
 
 log = logging.getLogger("robocomp.transport.dds")
 
@@ -89,7 +86,6 @@ class DDSCore(BaseTransport[Endpoint], SupportsGathering):
         """Whether the domain is limited to this host."""
         if not self.local:
             self.capabilities |= Capability.CROSS_HOST
-        self.codec: Codec = CODEC
         self.owner = config.owner
         self.incarnation = random_id()
         self._domain = domain
@@ -115,6 +111,12 @@ class DDSCore(BaseTransport[Endpoint], SupportsGathering):
         everything.callback(self.bus.close)
         everything.callback(self._threads.close)
         everything.enter_context(self.announcing.gathering())
+
+    @property
+    def codec(self) -> Codec:
+        from .types import CODEC  # needs numpy, and makes a type, both of which a census does without
+
+        return CODEC
 
     @contextlib.contextmanager
     def gathering(self) -> Iterator[None]:

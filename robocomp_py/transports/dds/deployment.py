@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ..census import Told
@@ -27,13 +28,20 @@ class DDSDeployment(Deployment):
     modules = (("cyclonedds", "cyclonedds"),)
 
     def census(self, options: Mapping[str, Any]) -> list[Told]:
+        with self.asking(options) as heard:
+            return heard()
+
+    @contextmanager
+    def asking(self, options: Mapping[str, Any]) -> Iterator[Callable[[], list[Told]]]:
         from ..runtime_folder import runtime_dir
 
         if not options and not any(runtime_dir("dds").glob("served-*/*")):
-            return []  # each component serves something
-        from .census import census  # imports the middleware, which takes long
+            yield list  # nothing: each component serves something
+            return
+        from .census import asking  # imports the middleware, which takes long
 
-        return census(options)
+        with asking(options) as heard:
+            yield heard
 
     def wire(self, network: Network) -> Wiring:
         from ..network import Refusal, Wiring, block_of  # only plans need these
