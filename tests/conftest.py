@@ -14,9 +14,13 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from .remembered import remember
+
 # How long an example takes is decided by what else runs on the machine.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
+
+remember()
 
 for each in (signal.SIGINT, signal.SIGHUP):  # `pytest &` and nohup ignore them, and so would all that tests start
     if signal.getsignal(each) is signal.SIG_IGN:

@@ -6,7 +6,7 @@ import ast
 import json
 import re
 import tomllib
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,7 +18,8 @@ from robocomp_py.codegen.exporting import Files
 from robocomp_py.codegen.formats import export
 from robocomp_py.codegen.generate import Artifact, Model, generate
 from robocomp_py.dsl.diagnostics import Report
-from robocomp_py.dsl.workspace import Workspace, read_file
+from robocomp_py.dsl.idsl.model import File as IdslFile
+from robocomp_py.dsl.workspace import LinkedComponent, Workspace, read_file
 from tests.hostile import FOR_COMMENTS, FOR_QUOTES, NASTY, texts_for_comments, texts_for_quotes
 
 IDSL = """
@@ -83,11 +84,17 @@ def workspace(texts: dict[Path, str]) -> Workspace:
     return Workspace(read=read)
 
 
-def generated(texts: dict[Path, str], cdsl: str = "arm.cdsl") -> tuple[Artifact, ...]:
-    found = workspace(texts)
-    linked = found.component(FOLDER / "arm.cdsl")
-    assert linked, "\n".join(each.render() for each in found.report.diagnostics)
-    return generate(Model(linked.component, linked.modules, cdsl, linked.params, "dds", linked.statemachine))
+@lru_cache(2)  # the plain one, and that of the test
+def linked(comment: str, quoted: str) -> LinkedComponent:
+    found = workspace(files(comment, quoted))
+    component = found.component(FOLDER / "arm.cdsl")
+    assert component, "\n".join(each.render() for each in found.report.diagnostics)
+    return component
+
+
+def generated(comment: str, quoted: str, cdsl: str = "arm.cdsl") -> tuple[Artifact, ...]:
+    of = linked(comment, quoted)
+    return generate(Model(of.component, of.modules, cdsl, of.params, "dds", of.statemachine))
 
 
 def skeleton(artifact: Artifact) -> Any:
@@ -131,11 +138,14 @@ def shape(value: object) -> object:
 @cache
 def plain() -> list[tuple[PurePosixPath, Any]]:
     """What harmless texts come to."""
-    return [(each.path, skeleton(each)) for each in generated(files("plain", "plain"))]
+    return [(each.path, skeleton(each)) for each in generated("plain", "plain")]
 
 
-def check(comment: str, quoted: str) -> None:
-    assert [(each.path, skeleton(each)) for each in generated(files(comment, quoted))] == plain()
+def check(comment: str, quoted: str) -> dict[str, str]:
+    """What is made does what is made of harmless texts; its files by name."""
+    made = generated(comment, quoted)
+    assert [(each.path, skeleton(each)) for each in made] == plain()
+    return {str(each.path): each.text for each in made}
 
 
 @pytest.mark.parametrize("text", FOR_COMMENTS)
@@ -145,8 +155,7 @@ def test_a_comment_of_a_model_is_text_in_what_is_generated(text: str) -> None:
 
 @pytest.mark.parametrize("text", FOR_QUOTES)
 def test_a_text_of_a_model_is_the_same_text_in_what_is_generated(text: str) -> None:
-    check("plain", text)
-    found = {str(each.path): each.text for each in generated(files("plain", text))}
+    found = check("plain", text)
     assert tomllib.loads(found["etc/config.toml"])["params"]["device"] == f"a {text} z"
     module = next(text for path, text in found.items() if path.endswith("RoboCompArm.py"))
     constants = [node.value for node in ast.walk(ast.parse(module)) if isinstance(node, ast.Constant)]
@@ -162,7 +171,7 @@ def test_so_is_any_other(comment: str, quoted: str) -> None:
 
 @pytest.mark.parametrize("name", NASTY)
 def test_the_name_of_a_file_is_text_in_what_is_generated(name: str) -> None:
-    made = generated(files("plain", "plain"), f"{name}.cdsl")
+    made = generated("plain", "plain", f"{name}.cdsl")
     assert [(each.path, skeleton(each)) for each in made if each.path.suffix == ".py"] == [
         (path, said) for path, said in plain() if path.suffix == ".py"
     ]
@@ -206,12 +215,17 @@ def test_a_comment_is_one_in_other_languages_too(to: str, text: str) -> None:
     assert {path: read(each) for path, each in made.items()} == {path: read(each) for path, each in harmless.items()}
 
 
-@cache
-def exported(to: str, comment: str, quoted: str) -> tuple[dict[PurePosixPath, str], bool]:
-    """The files, and whether anything was refused."""
+@lru_cache(2)
+def interfaces(comment: str, quoted: str) -> tuple[IdslFile, ...]:
     found = workspace(files(comment, quoted))
     read = found.interface_files(FOLDER / "Arm.idsl")
     assert read, "\n".join(each.render() for each in found.report.diagnostics)
+    return tuple(read)
+
+
+@cache
+def exported(to: str, comment: str, quoted: str) -> tuple[dict[PurePosixPath, str], bool]:
+    """The files, and whether anything was refused."""
     report = Report()
-    made = export(Files(tuple(read)), to, report)
+    made = export(Files(interfaces(comment, quoted)), to, report)
     return {each.path: each.text for each in made}, bool(report.errors)

@@ -12,11 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py import installed
 from robocomp_py.cli.rcdeploy import main as rcdeploy
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.codegen import unchanged
 from robocomp_py.codegen.unchanged import Request, Trace, digest, generator, up_to_date
 
+from ..remembered import entry_points
 from .generated import snapshot
 
 CDSL = """\
@@ -280,6 +282,7 @@ def test_a_changed_generator_is_seen(tmp_path: Path) -> None:
 
 
 def test_what_is_installed_beside_it_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installed, "entry_points", entry_points)  # not remembered, as it is in other tests
     package = tmp_path / "plug_in_of_unchanged"
     package.mkdir()
     (package / "__init__.py").write_text("def native(uses, about): return {}, {}\n")

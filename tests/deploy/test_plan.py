@@ -9,11 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from robocomp_py import installed
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.deploy.plan import OpenedTransport, Overrides
 from robocomp_py.deploy.planner import make_plan
 from robocomp_py.dsl.workspace import Workspace
 
+from ..remembered import entry_points
 from .planned import PARAMS, SENSOR, command, errors, plan
 
 CARRIER = """
@@ -48,6 +50,7 @@ def looked_through(monkeypatch: pytest.MonkeyPatch) -> list[object]:
             times.append(context)
             return []
 
+    monkeypatch.setattr(installed, "entry_points", entry_points)  # not remembered, as it is in other tests
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder()])
     return times
 
