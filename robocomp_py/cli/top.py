@@ -7,7 +7,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ..tools.access import Access
     from ..tools.hosts import Hosts
     from ..tools.measure import Load, Operation
-    from ..tools.network import Network
 
 NAME = "top"
 
@@ -88,7 +87,8 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         if not told and not number:
             raise Absent("no component here tells what it does; `rc list` shows what runs")
         where = asking.hosts(network)
-        loads = [_heard(each.now, network) for each in told.values()]
+        heard = {each.name for each in network.channels.values() if each.users}
+        loads = [_noted(each.now, heard) for each in told.values()]
         yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
@@ -96,9 +96,8 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
 
 
-def _heard(load: Load, network: Network) -> Load:
-    """Note on which topics nothing subscribes."""
-    heard = {each.name for each in network.channels.values() if each.users}
+def _noted(load: Load, heard: Set[str]) -> Load:
+    """Note to which topics nothing subscribes; `heard` are the others."""
     operations = [
         replace(each, is_heard=each.channel in heard) if each.verb == "publishes" else each for each in load.operations
     ]

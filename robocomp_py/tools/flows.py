@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..runtime.RoboCompIntrospection import Description
+from ..runtime.RoboCompIntrospection import Description, End
 from ..wire import names
 from .doctor.qos import asked_by
 from .drift import Drift, Instance, Use
@@ -95,13 +95,18 @@ class _Side:
     """What one component answered, sorted once for all of its uses."""
 
     def __init__(self, told: Told | None) -> None:
-        self.about = told.about if told else None
+        self.ends: dict[str, list[End]] = {}
+        """What it looks up, by operation, as all below: most uses are of another one."""
+        for end in told.about.ends if told and told.about else ():
+            if end.verb in _USERS and end.channel:
+                self.ends.setdefault(names.operation(end.channel), []).append(end)
         before = {_key(each): each for each in told.before.operations} if told and told.before else {}
-        self.users: list[_Pair] = []
-        self.servers: list[_Pair] = []
+        self.users: dict[str, list[_Pair]] = {}
+        self.servers: dict[str, list[_Pair]] = {}
         for each in told.now.operations if told else ():
             if each.channel and each.verb in _EITHER:
-                (self.users if each.verb in _USERS else self.servers).append((each, before.get(_key(each))))
+                side = self.users if each.verb in _USERS else self.servers
+                side.setdefault(names.operation(each.channel), []).append((each, before.get(_key(each))))
 
 
 _USERS, _SERVERS = frozenset(("requires", "subscribesTo")), frozenset(("implements", "publishes"))
@@ -117,7 +122,7 @@ def _flow(use: Use, client: _Side, provider: _Side) -> Flow:
     counted = (servers or users) if use.is_topic else durations
     rate = _sum(each.rate for each, _ in counted)
     p99 = _longest(each.p99 for each, _ in durations)
-    deadline = _deadline(use, client.about)
+    deadline = _deadline(use, client.ends)
     tight = 1 / rate if use.is_topic and rate else p99
     return Flow(
         rate,
@@ -129,16 +134,15 @@ def _flow(use: Use, client: _Side, provider: _Side) -> Flow:
     )
 
 
-def _operations(use: Use, measured: Sequence[_Pair]) -> list[_Pair]:
+def _operations(use: Use, measured: Mapping[str, Sequence[_Pair]]) -> list[_Pair]:
     """What a component measured of a use."""
-    found = [each for each in measured if _means(each[0].channel, use.channel)]
+    found = [each for each in measured.get(names.operation(use.channel), ()) if _means(each[0].channel, use.channel)]
     return [each for each in found if each[0].middleware == use.middleware] or found
 
 
-def _deadline(use: Use, about: Description | None) -> float:
+def _deadline(use: Use, ends: Mapping[str, Sequence[End]]) -> float:
     """The deadline of a call, or between messages of a topic, in seconds; 0 without a deadline."""
-    ends = about.ends if about else ()
-    mine = [each for each in ends if each.verb in _USERS and each.channel and _means(each.channel, use.channel)]
+    mine = [each for each in ends.get(names.operation(use.channel), ()) if _means(each.channel, use.channel)]
     if not use.is_topic:
         return min((each.deadline for each in mine if each.deadline > 0), default=0.0)
     asked = (asked_by(each) for each in mine)

@@ -244,8 +244,9 @@ class Network:
                 unnamed.append(each)
             else:
                 _add(self.channels, each)
+        alike = _by_operation(self.channels.values()) if unnamed else {}
         for each in unnamed:
-            for channel in self.channels.values():
+            for channel in alike.get(names.tail(each.told.channel), ()):
                 if PATTERNS[each.role] is channel.pattern and names.matches(each.told.channel, channel.name):
                     channel.ends.append(each)
         self.channels = dict(sorted(self.channels.items()))
@@ -390,6 +391,14 @@ def _understood(text: str) -> Operation[Any]:
 
 def _process(end: End) -> tuple[str, int, str]:
     return end.told.owner, end.told.pid, end.host
+
+
+def _by_operation(channels: Iterable[Channel]) -> dict[str, list[Channel]]:
+    """Channels by interface and operation: an end without an instance has to look among few of them."""
+    found: dict[str, list[Channel]] = {}
+    for each in channels:
+        found.setdefault(names.tail(each.name), []).append(each)
+    return found
 
 
 def _add(channels: dict[str, Channel], end: End) -> None:

@@ -86,7 +86,10 @@ def is_namespace(text: str) -> bool:
 
 def matches(pattern: str, name: str) -> bool:
     """Whether a channel has this name, which may have `*` for the instance."""
-    if ANY not in pattern:
+    place = pattern.rfind(ANY)
+    if place < 0:
         return pattern == name
+    if not name.endswith(pattern[place + 1 :]):  # most names differ there, and this is soon seen
+        return False
     wanted, given = pattern.split("/"), name.split("/")
     return len(wanted) == len(given) and all(w in (ANY, g) for w, g in zip(wanted, given, strict=True))
