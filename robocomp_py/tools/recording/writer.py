@@ -1,6 +1,6 @@
 """Records while messages arrive: the receiving threads only put them into a queue, and one thread writes.
 
-The queue is bounded in octets. What does not fit is dropped and counted, so the disk never holds up the network. Once a
+The queue is bounded in octets. What does not fit is dropped and counted, so the disk never holds up the network. Each
 second all is given to the operating system, and every ten seconds another thread asks it to write to the disk.
 """
 
@@ -31,8 +31,9 @@ log = logging.getLogger("robocomp.recording")
 QUEUE = 256 * 1024 * 1024
 """Octets that may wait to be written."""
 
-FLUSH, SYNC = 1.0, 10.0
-"""Seconds between two flushes, and between two requests to write to the disk."""
+FLUSH, SYNC = 0.9, 10.0
+"""Seconds between two flushes, and between two requests to write to the disk. A flush takes time, too, and a killed
+recorder is to lose one second at most."""
 
 _EACH = 256
 """Octets that a waiting message counts in addition to its payload."""
@@ -164,7 +165,7 @@ class Recorder(Closing):
         while True:
             with self._changed:
                 if not self._queue and not self._is_over:
-                    self._changed.wait(FLUSH)
+                    self._changed.wait(max(0.0, flushed + FLUSH - time.monotonic()))
                 batch, self._queue = self._queue, deque()
                 is_over = self._is_over
             while batch:
