@@ -23,7 +23,7 @@
   scale      cost of publications, clients, subscribers and sizes as a network grows
   languages  reading and checking files; `rc lint` and `rcgen` as processes
   lsp        from a change in an editor to its diagnostics
-  tools      `rc list` as a process, with one component and with 500, and the first message of `rc echo`
+  tools      `rc list`, `rc echo`, looks of `rc monitor` and `rc top`, replay, re-run, a killed recorder, counters
 
 Bare means: the same library, settings, socket kinds or QoS, router and encoded bytes, used in the fastest way
 of its users, without our header. Trust ratios, not absolute figures: they are medians over short rounds taken in

@@ -6,6 +6,8 @@ it is written out here, so a change of `BoundQuery.ask` or `BoundHandler.serve` 
 
 from __future__ import annotations
 
+import statistics
+import tracemalloc
 from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -13,16 +15,19 @@ from functools import partial
 from typing import Any
 
 from robocomp_py.runtime import ports
+from robocomp_py.runtime.load import load_worker
+from robocomp_py.runtime.tally import MOST_KEPT, Tallies, Tally
 from robocomp_py.transports.base import Reply
 from robocomp_py.wire.codec import Payload
 
 from . import ours as counted
 from .compared import ours
+from .components import COMPONENTS
 from .goals import Finding, failed
 from .pair import Pair, place
 from .parties import FAILURES, Hear, Party, Place
 from .query import Tell, round_trips
-from .rounds import Effort, Rounds, difference, joined, ratio, times
+from .rounds import Effort, Rounds, difference, joined, ratio, seconds_of, times
 from .tables import Table, us
 
 SIZE = 64
@@ -150,3 +155,48 @@ def findings(rows: list[Row]) -> list[Finding]:
         else Finding("counters", row.middleware, "", f"{row.more:+.2f} µs, {row.ratio:.3f} ×", row.met, row.ratio)
         for row in rows
     ]
+
+
+# What counters cost a component besides.
+
+COMPONENT = "world2d"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The counters of a shipped component."""
+
+    operations: int
+    seconds: float
+    """To make all of them, at its start."""
+    octets: int
+    """Of all, with all durations that they keep."""
+
+
+def kept(effort: Effort) -> Kept:
+    ports_of = load_worker(COMPONENTS / COMPONENT).component.ports
+    ends = [(port, *each) for port in ports_of for each in port.interface.under(port.verb)]
+
+    def counted() -> Tallies:
+        tallies = Tallies()
+        for port, operation, pattern in ends:
+            tallies.add(Tally(port, operation, pattern, _ROUTE), _LINK)
+        return tallies
+
+    seconds = statistics.median(seconds_of(counted, 10 * effort.rounds))
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        tallies = counted()
+        for each in tallies.every:
+            for number in range(2 * MOST_KEPT):
+                each.time(float(number), 1e-4, 1e-5)
+        octets = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    return Kept(len(ends), seconds, octets)
+
+
+_ROUTE: Any = None
+_LINK: Any = None
+"""A counter only keeps them."""

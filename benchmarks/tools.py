@@ -2,12 +2,11 @@
 
 Bytecode is compiled and in the disk cache, as from the second start on. What is listed is one component, one that
 publishes is heard, and 500 are listed that this process announces in a directory, with as many ends as a component
-without ports has.
+without ports has. The rows of commands that go on for long are measured in `looks` and `recordings`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import statistics
 import subprocess
@@ -19,12 +18,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
-from robocomp_py.runtime.RoboCompIntrospection import INTROSPECTION_INTERFACE
-from robocomp_py.transports.directory import Directory
-from robocomp_py.transports.members import Entry
-
+from . import counters, looks, recordings
 from .components import COMPONENTS, component
+from .looks import announced
 from .pair import place
 from .parties import PATIENCE
 from .process import ROOT
@@ -49,13 +45,29 @@ HEARD = {"ice": 0.3, "zenoh": 0.4, "dds": 0.6}
 SOON = 0.25
 
 
+LOOK, LOOK_AT_MANY, PAGE = 10.0, 500.0, 100.0
+"""ms of processor time for a look at 5 components and at 500, and kB of the page of `rc monitor`."""
+
+LATE, RERUN, LOST = 2.0, 20.0, 1.0
+"""ms by which replayed messages may be late, times as fast as real time, seconds that a killed recorder may lose."""
+
+COUNTERS, COUNTERS_KEPT = 1.0, 50.0
+"""ms at the start of a component, and kB when all durations are kept."""
+
+
 @dataclass(frozen=True)
 class Row:
-    """Times in seconds."""
+    """In seconds, or in another unit. If `is_rate`, more is better."""
 
     what: str
     taken: float
     allowed: float
+    unit: str = "s"
+    is_rate: bool = False
+
+    @property
+    def met(self) -> bool:
+        return self.taken >= self.allowed if self.is_rate else self.taken <= self.allowed
 
 
 def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
@@ -85,27 +97,35 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
                 words = ["echo", "LaserPub", "-n", "1", "--middleware", middleware]
                 allowed = HEARD.get(middleware, SOON)
                 rows.append(measured(f"rc echo, a message at 20 Hz over {middleware}", words, runtime, allowed))
-        with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as runtime, _announced(Path(runtime)):
+        with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as runtime, announced(Path(runtime), MOST):
             rows.append(measured(f"rc list --all, {MOST} components", ["list", "--all"], runtime, MANY))
+    if "shm" in middlewares:
+        rows += _at_work(effort, tell)
     return rows
 
 
-@contextlib.contextmanager
-def _announced(runtime: Path) -> Iterator[None]:
-    """Members of a directory that are as many components would be."""
-    folder = runtime / "zeromq"
-    folder.mkdir(mode=0o700)
-    directory = Directory(folder)
-    with contextlib.ExitStack() as undo:
-        for number in range(MOST):
-            name = f"component{number}"
-            member = directory.join(name)
-            undo.callback(member.close)
-            for interface in (COMMONBEHAVIOR_INTERFACE, INTROSPECTION_INTERFACE):
-                for each in interface.operations:
-                    channel = f"{name}/{interface.short}/{each.name}"
-                    member.add(Entry("serves", channel, each.fingerprint, each.text, "ipc:///nowhere"))
-        yield
+def _at_work(effort: Effort, tell: Tell) -> Iterator[Row]:
+    """Of commands that go on, over shared memory."""
+    tell("tools · looks")
+    with looks.few("shm") as runtime:
+        monitor, page = looks.monitor("shm", runtime)
+        top = looks.top("shm", runtime)
+    many_monitor, many_top = looks.many(MOST, min(effort.rounds, ROUNDS))
+    few = 1 + looks.WANDERS
+    yield Row(f"rc monitor, a look at {few} components, processor", 1000 * monitor, LOOK, "ms")
+    yield Row(f"rc monitor, a look at {MOST} components, processor", 1000 * many_monitor, LOOK_AT_MANY, "ms")
+    yield Row(f"rc top, a look at {few} components, processor", 1000 * top, LOOK, "ms")
+    yield Row(f"rc top, a look at {MOST} components, processor", 1000 * many_top, LOOK_AT_MANY, "ms")
+    yield Row("rc monitor, its page", page / 1000, PAGE, "kB")
+    tell("tools · recordings")
+    yield Row("rc replay at rate 1, messages late, p99", 1000 * recordings.lateness(), LATE, "ms")
+    speed, differences = recordings.speed()
+    yield Row(f"rc rerun wander, {differences} differences", 0.0 if differences else speed, RERUN, "× real time", True)
+    yield Row("rc record, lost if it is killed", recordings.loss(), LOST)
+    kept = counters.kept(effort)
+    what = f"the {kept.operations} counters of {counters.COMPONENT}"
+    yield Row(f"{what}, made at its start", 1000 * kept.seconds, COUNTERS, "ms")
+    yield Row(f"{what}, memory", kept.octets / 1000, COUNTERS_KEPT, "kB")
 
 
 def _taken(words: list[str], environment: dict[str, str]) -> list[float]:
@@ -120,7 +140,11 @@ def _taken(words: list[str], environment: dict[str, str]) -> list[float]:
 
 def table(rows: list[Row]) -> Table:
     cells = [
-        (row.what, f"{row.taken:.2f} s", f"≤ {row.allowed:g} s: {'met' if row.taken <= row.allowed else 'missed'}")
+        (
+            row.what,
+            f"{row.taken:.3g} {row.unit}" if row.unit != "s" else f"{row.taken:.2f} s",
+            f"{'≥' if row.is_rate else '≤'} {row.allowed:g} {row.unit}: {'met' if row.met else 'missed'}",
+        )
         for row in rows
     ]
-    return Table("tools", "commands that look at what runs, as whole processes", ("", "median", "goal"), cells, 1)
+    return Table("tools", "commands that look at what runs, as whole processes", ("", "measured", "goal"), cells, 1)
