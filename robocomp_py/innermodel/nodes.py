@@ -88,8 +88,13 @@ def _text(name: str, text: str, kind: Kind = Kind.TEXT, default: str = "") -> At
 _ID = _text("id", "its name, which no other node has")
 _PORT = _count("port", "the port on which it is served; 0: none")
 _COLLIDE = Attribute("collide", Kind.FLAG, False, "whether it stops robots while physics is off")
-_IFCONFIG = _text("ifconfig", "the ports of what it is mounted on")
-_NOISE = _number("noise", "standard deviation of its noise")
+_IFCONFIG = _text(
+    "ifconfig",
+    "ports of what carries it: of an rgbd, those of joints and base, `10067,10004`; of a laser, that of the base",
+)
+_NOISE = _number(
+    "noise", "standard deviation of its noise: of a base, as a part of its speed; of an rgbd, as a part of its depths"
+)
 
 _TRANSLATION = tuple(_number(f"t{axis}", f"translation along {axis}, mm") for axis in "xyz")
 _ROTATION = tuple(_number(f"r{axis}", f"rotation about {axis}, rad") for axis in "xyz")
@@ -99,9 +104,9 @@ _BODY = (
 )
 _JOINT = (
     _text("axis", "the axis that it moves about, or along", Kind.AXIS, "z"),
-    _number("min", "lowest position", -math.inf),
-    _number("max", "highest position", math.inf),
-    _number("home", "position that `setZeroPos` moves it to"),
+    _number("min", "lowest position, rad, or mm if it slides", -math.inf),
+    _number("max", "highest position, rad, or mm if it slides", math.inf),
+    _number("home", "position that `setZeroPos` moves it to, rad, or mm if it slides"),
     _PORT,
 )
 _WITHOUT_EFFECT = tuple(_number(f"{end}{axis}", "without effect") for end in "lh" for axis in "xyz")

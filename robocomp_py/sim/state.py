@@ -257,7 +257,7 @@ class State:
     @property
     def time(self) -> float:
         """Seconds since the beginning."""
-        return self._ticks * self._tick
+        return round(self._ticks * self._tick, 9)  # 12.12, and not 12.120000000000001
 
     @property
     def physics(self) -> bool:
