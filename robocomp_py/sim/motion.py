@@ -40,6 +40,8 @@ _LEAST_ROOM = 0.01
 _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
 
+_NO_ROOM = Room(0.0, 0.0)
+
 _BAD_POSITION = int(mujoco.mjtWarning.mjWARN_BADQPOS)
 _BAD_VELOCITY = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _BAD_ACCELERATION = int(mujoco.mjtWarning.mjWARN_BADQACC)
@@ -242,26 +244,37 @@ class Motion(State):
 
     def _move(self, base: Base, motion: Arc, count: int) -> int:
         """Move a base for some ticks, in which nothing else moves. Returns the number of ticks until it was stopped."""
-        places, (left, reach) = self._places, self._room(base)
+        places, rooms = self._places, self._rooms_now()
+        (left, reach), gone, moved_for = rooms.pop(base.name, _NO_ROOM), 0.0, count
         for done in range(count):
             before = x, z, turn = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
             after = to_x, to_z, to = along(before, motion)
-            if base.collides:
-                left -= hypot(to_x - x, to_z - z) / 1000.0 + abs(to - turn) * reach
-                if left <= 0.0:
-                    if not self._goes(base, before, after):
-                        return done
-                    left, reach = self._room(base)
-                    continue
-            self._place(base, after)
-        if left > 0.0:
-            self._rooms[base.name] = Room(self._data.qpos.tobytes(), left, reach)
-        return count
+            if not base.collides:
+                self._place(base, after)
+                continue
+            away, around = hypot(to_x - x, to_z - z) / 1000.0, abs(to - turn)
+            if away + around * reach < left:
+                self._place(base, after)
+                left -= away + around * reach
+            elif self._goes(base, before, after):
+                left, reach = self._room_of(base)
+                rooms = rooms if left else {}  # else it is not known how far its shapes reach
+            else:
+                left, moved_for = 0.0, done
+                break
+            gone += away + around * reach
+        if not base.collides and self._stopped(base.name):
+            rooms = {}
+        rooms = {name: Room(room.left - gone, room.reach) for name, room in rooms.items() if room.left > gone}
+        if left:
+            rooms[base.name] = Room(left, reach)
+        self._rooms = self._data.qpos.tobytes(), rooms
+        return moved_for
 
-    def _room(self, base: Base) -> tuple[float, float]:
-        """How far a base may move from where it is before it has to check obstacles, and its reach; see `Room`."""
-        room = self._rooms.get(base.name)
-        return (room.left, room.reach) if room and room.at == self._data.qpos.tobytes() else (0.0, 0.0)
+    def _rooms_now(self) -> dict[str, Room]:
+        """The rooms of bases, as far as they are known where all is now."""
+        places, rooms = self._rooms
+        return dict(rooms) if places == self._data.qpos.tobytes() else {}
 
     def _goes(self, base: Base, before: Three, after: Three) -> bool:
         """Put a base elsewhere, unless something stops it."""
@@ -270,15 +283,13 @@ class Motion(State):
         if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
             self._place(base, before)
             return False
-        self._note_room(base)
         return True
 
-    def _note_room(self, base: Base) -> None:
-        """Note how far a base may move from where it is, in any direction, before it can touch an obstacle."""
-        places, depths = self._deep[base.name]
-        nearest = min(depths.values(), default=_SIGHT)
+    def _room_of(self, base: Base) -> Room:
+        """How far a base may move from where it is, in any direction, before it can touch an obstacle."""
+        nearest = min(self._depths(base.name).values(), default=_SIGHT)
         if nearest < _LEAST_ROOM:
-            return
+            return _NO_ROOM
         data, bounds, reach = self._data, self._scene.model.geom_rbound, 0.0
         middle = data.xpos[self._scene.frames[base.name].body]
         for one, others, touching in self._stopped(base.name):
@@ -286,7 +297,7 @@ class Motion(State):
             far = np.sqrt(np.einsum("ij,ij->i", away, away)) - np.sqrt(touching)
             nearest = min(nearest, float(far[far >= 0.0].min(initial=_SIGHT)))
             reach = max(reach, float(np.linalg.norm(data.geom_xpos[one] - middle) + bounds[one]))
-        self._rooms[base.name] = Room(places, nearest - _LEAST_ROOM / 2, reach)
+        return Room(nearest - _LEAST_ROOM / 2, reach)
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""

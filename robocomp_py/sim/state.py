@@ -55,8 +55,6 @@ class Saved:
 class Room(NamedTuple):
     """The distance of a base from the obstacles that stop it."""
 
-    at: bytes
-    """The vector of positions for which this holds, `qpos`."""
     left: float
     """No shape of the base is nearer to an obstacle, m."""
     reach: float
@@ -135,8 +133,11 @@ class State:
         self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
         self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
         """By base: the vector of positions when `_depths` were computed last, and what they were."""
-        self._rooms: dict[str, Room] = {}
-        """By base: how far it may move before it has to check obstacles."""
+        self._rooms: tuple[bytes, dict[str, Room]] = b"", {}
+        """A vector of positions, and by base how far it may move from there before it has to check obstacles.
+
+        Copies share it, so a new one is made for each change.
+        """
         self._touches = {name: Touch(tree, name, self._scene) for name in self._touching}
         if self._scene.grippers or any(touch.needs_waking for touch in self._touches.values()):
             self._scene.model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_NEVER

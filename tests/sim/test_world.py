@@ -247,6 +247,22 @@ def test_no_shape_of_a_base_ever_enters_what_stops_it(boom: str, tmp_path: Path)
     assert stops
 
 
+def test_bases_that_drive_towards_one_another_stop_before_they_touch(tmp_path: Path) -> None:
+    text = """<innerModel><transform id="world">
+      <omnirobot id="one" collide="1"><plane id="boom" size="60,60,1500" pz="750" collide="1"/></omnirobot>
+      <omnirobot id="two" tz="2600" collide="1"><plane id="body" size="300,300,300" collide="1"/></omnirobot>
+    </transform></innerModel>"""
+    room, stops = world(tmp_path, text), 0
+    for _ in range(200):
+        room.drive("one", ahead=900.0)
+        room.drive("two", ahead=-600.0)
+        before = room.odometry("one"), room.odometry("two")
+        room.step()
+        stops += room.odometry("one") == before[0] or room.odometry("two") == before[1]
+        assert not room.collide("one", "two")
+    assert stops
+
+
 def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
     post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
     room = world(tmp_path, POSTS.format(posts=post))
