@@ -218,6 +218,14 @@ def test_physics_and_what_it_needs_are_parameters(folder: Path) -> None:
     assert not house.fine
 
 
+@pytest.mark.parametrize(("settings", "seconds"), [({}, 1.0), ({"params.hold": 2.5}, 2.5), ({"params.hold": 0.0}, 4.0)])
+def test_how_long_a_base_drives_on_is_a_parameter(settings: dict[str, Any], seconds: float, folder: Path) -> None:
+    with ComponentTest(load_component(folder), settings, virtual=True) as house:
+        drive(house, 100.0)
+        house.call("Simulation.step", 800)
+        assert house.worker.world.matrix("base")[2, 3] == pytest.approx(100.0 * seconds, rel=0.05)
+
+
 def test_with_the_clock_of_the_machine_it_is_as_fast_as_it_can(folder: Path) -> None:
     with ComponentTest(load_component(folder)) as house:
         house.call("Simulation.setSpeed", 0.0)

@@ -39,6 +39,7 @@ try:
     from ..build import MissingMeshError
     from ..editing import EditError, Editing
     from ..remote import Remote
+    from ..state import HOLD
     from ..world import World
     from .cameras import (
         Camera,
@@ -101,6 +102,7 @@ class Simulator(Controlled, Managed):
                 seed=self.params.seed,
                 without_meshes=self.params.without_meshes,
                 physics=self.params.physics,
+                hold=getattr(self.params, "hold", HOLD),
                 parameters=self._parameters(),
                 compat=compat,
             )
