@@ -30,6 +30,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "robocomp_py.wire.messagepack": BUILD | MIDDLEWARES | {"robocomp_py.transports", "robocomp_py.runtime"},
     "robocomp_py.transports.base": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.inproc": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.runtime", "msgpack"},
+    "robocomp_py.transports.inproc_deployment": BUILD | MIDDLEWARES | {"numpy", "robocomp_py.transports.base"},
     "robocomp_py.transports.zeromq.transport": BUILD | (MIDDLEWARES - {"zmq"}) | {"numpy", "robocomp_py.runtime"},
     "robocomp_py.transports.dds.transport": BUILD | (MIDDLEWARES - {"cyclonedds"}) | {"robocomp_py.runtime", "msgpack"},
     "robocomp_py.transports.dds.census": BUILD

@@ -42,7 +42,7 @@ from .base import (
     pass_on,
 )
 from .bus import Bus, BusLink, BusTransport
-from .deployment import Deployment, Near
+from .inproc_deployment import InprocDeployment as InprocDeployment  # editable installations made before name it
 from .leader_followers import Job, Lane, LeaderFollowers, Servant
 from .limits import COMMANDS_WAITING, QUERIES_WAITING
 from .link import Ends
@@ -400,11 +400,3 @@ class _Server(BusLink[InprocTransport]):
 
 
 InprocTransport.ends = Ends(_Outlet, _Outlet, _Inlet, _Inlet, _Caller, _Server)
-
-
-class InprocDeployment(Deployment):
-    summary = "objects, between components of one process"
-    colour = "#6b7280"
-    near = Near.PROCESS
-    unprotected = ""  # one process
-    shares = False
