@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -90,14 +91,22 @@ def only(export: Export, ending: str) -> str:
     return found
 
 
-def compose_file(text: str) -> dict[str, Any]:
-    """Read, and found to be right by the schema of the Compose Specification."""
+@cache
+def compose_specification() -> Any:
+    """A schema takes longer to read and check than a file by it."""
     package = find_spec("check_jsonschema")  # not imported: it takes long, and only its file is needed
     assert package is not None
     assert package.origin is not None
-    schema = Path(package.origin).parent / "builtin_schemas" / "vendor" / "compose-spec.json"
+    schema = json.loads((Path(package.origin).parent / "builtin_schemas" / "vendor" / "compose-spec.json").read_text())
+    validator = jsonschema.validators.validator_for(schema)
+    validator.check_schema(schema)
+    return validator(schema)
+
+
+def compose_file(text: str) -> dict[str, Any]:
+    """Read, and found to be right by the schema of the Compose Specification."""
     document = yaml.safe_load(text)
-    jsonschema.validate(document, json.loads(schema.read_text()))
+    compose_specification().validate(document)
     assert isinstance(document, dict)
     return document
 
