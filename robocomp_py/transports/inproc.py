@@ -42,7 +42,6 @@ from .base import (
     pass_on,
 )
 from .bus import Bus, BusLink, BusTransport
-from .inproc_deployment import InprocDeployment as InprocDeployment  # editable installations made before name it
 from .leader_followers import Job, Lane, LeaderFollowers, Servant
 from .limits import COMMANDS_WAITING, QUERIES_WAITING
 from .link import Ends
