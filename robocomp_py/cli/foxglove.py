@@ -111,7 +111,7 @@ def _take_recording(options: argparse.Namespace) -> None:
 
 
 def _show_network(bridge: Bridge, options: argparse.Namespace, hosts: Hosts, end: float) -> None:
-    from ..dsl.definitions import Definitions
+    from ..definitions import Definitions
     from ..tools.access import Access
     from ..tools.recording.session import Session
 

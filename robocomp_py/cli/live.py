@@ -109,7 +109,7 @@ def add_topics(to: argparse.ArgumentParser) -> None:
 
 
 def add_definitions(to: argparse.ArgumentParser) -> None:
-    """Where `dsl.definitions` searches."""
+    """Where `definitions` searches."""
     add_include(to, "a folder of IDSL files, for programs that do not announce their contracts; may be repeated")
 
 
@@ -154,7 +154,7 @@ def awaited(
 
     Raises Absent after the timeout, with its last error, and HostUnreachable if a host could not be looked at.
     """
-    from ..dsl.definitions import Definitions
+    from ..definitions import Definitions
     from ..errors import HostUnreachable
     from ..spelling import and_then
     from ..tools.census import take_census
@@ -202,7 +202,7 @@ def seek_of(options: argparse.Namespace, hosts: Hosts) -> Seek | None:
     """How to find these topics on the hosts that are out of reach now; None if there are none."""
     if not hosts.lost:
         return None
-    from ..dsl.definitions import Definitions
+    from ..definitions import Definitions
     from ..tools.absent import Absent
     from ..tools.tap import Seek
 

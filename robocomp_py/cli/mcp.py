@@ -75,8 +75,8 @@ def _serve(options: argparse.Namespace) -> int:
 
     from ..client.goals import Action
     from ..client.session import Session
+    from ..definitions import Definitions
     from ..deploy.client import network_of, not_running, running_plan
-    from ..dsl.definitions import Definitions
     from ..tools.access import Access
     from ..tools.asking import DEADLINE
     from ..tools.mcp.bounds import Bounds

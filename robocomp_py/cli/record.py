@@ -117,7 +117,7 @@ def split(text: str) -> tuple[int | None, float | None]:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..dsl.definitions import Definitions
+    from ..definitions import Definitions
     from ..errors import ConfigurationError
     from ..tools.access import Access
     from ..tools.recording.bag import Options

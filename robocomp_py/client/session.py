@@ -10,10 +10,11 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from ..contract.interface import Operation
 from ..contract.qos import QoS
+from ..definitions import Definitions
 from ..errors import Closed, RobocompError
 from ..spelling import and_then, closest
 from ..threads import NO_THREAD, start_thread
@@ -27,9 +28,6 @@ from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from .channels import transport_channel
 from .values import Types
-
-if TYPE_CHECKING:
-    from ..dsl.definitions import Definitions
 
 log = logging.getLogger("robocomp.client")
 
@@ -70,7 +68,7 @@ class Session:
         self._hosts = Hosts(network or None, log.warning, keys=keys, running=False)
         self.timeout, self._owner = timeout, owner
         self.types = Types()
-        self._include = include
+        self._definitions = Definitions(include)
         self._lock = threading.RLock()
         self._transports: dict[tuple[str, str], Transport] = {}
         """By the middleware and its options."""
@@ -125,16 +123,7 @@ class Session:
             self.check_open()
             if self._hosts.renew().posts:
                 self._watch()
-        return self._hosts.census(self._middlewares, own=own).complete(self._search)
-
-    def _search(self, wanted: Mapping[int, str]) -> Mapping[int, str]:
-        return self._definitions.search(wanted)
-
-    @cached_property
-    def _definitions(self) -> Definitions:
-        from ..dsl.definitions import Definitions  # most programs announce their contracts
-
-        return Definitions(self._include)
+        return self._hosts.census(self._middlewares, own=own).complete(self._definitions.search)
 
     def aside(self, work: Callable[[], object], name: str) -> None:
         """Do this on a thread of its own, for which `close` waits. Raises RobocompError if it is closed, or no thread

@@ -5,7 +5,6 @@ OpenGL comes from EGL, or else from OSMesa; pip can install neither, so they are
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import logging
 import os
@@ -197,10 +196,10 @@ def _drop_stencil(pen: mujoco.MjrContext) -> None:
     gl = importlib.import_module("OpenGL.raw.GL.VERSION.GL_3_0")  # `OpenGL.GL` takes 0.2 s to import
     if not gl.glGetRenderbufferParameteriv:
         return
-    kind, buffer, frame = ctypes.c_int(), gl.GL_RENDERBUFFER, gl.GL_FRAMEBUFFER
+    kind, buffer, frame = np.zeros(1, np.int32), gl.GL_RENDERBUFFER, gl.GL_FRAMEBUFFER
     gl.glBindRenderbuffer(buffer, pen.offDepthStencil)
     gl.glGetRenderbufferParameteriv(buffer, gl.GL_RENDERBUFFER_INTERNAL_FORMAT, kind)
-    if kind.value == gl.GL_DEPTH32F_STENCIL8:  # else this OpenGL has no depths of 32 bits
+    if kind[0] == gl.GL_DEPTH32F_STENCIL8:  # else this OpenGL has no depths of 32 bits
         gl.glRenderbufferStorage(buffer, gl.GL_DEPTH_COMPONENT32F, pen.offWidth, pen.offHeight)
         gl.glFramebufferRenderbuffer(frame, gl.GL_DEPTH_STENCIL_ATTACHMENT, buffer, 0)
         gl.glFramebufferRenderbuffer(frame, gl.GL_DEPTH_ATTACHMENT, buffer, pen.offDepthStencil)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .workspace import Workspace
+    from .dsl.workspace import Workspace
 
 
 class Definitions:
@@ -34,8 +34,8 @@ class Definitions:
 
 def _found(wanted: Mapping[int, str], include: Sequence[Path]) -> dict[int, str]:
     """The contracts with these fingerprints, each of an interface of that name."""
-    from ..contract.interface import Interface
-    from .workspace import Workspace  # most programs announce their contracts
+    from .contract.interface import Interface
+    from .dsl.workspace import Workspace  # most programs announce their contracts
 
     workspace = Workspace(include)
     texts: dict[int, str] = {}
