@@ -175,7 +175,8 @@ class Leader:
         try:
             self._gather()
             self._now = self.membership.latest(self._now)  # from which the clock goes on
-            yield from self._start_together([Participant(self._member.instance, LocalLink(self._member))])
+            self.membership.replace([Participant(self._member.instance, LocalLink(self._member))])
+            yield from self._admit()
             self._pace.begin(self._now)
             while not self._closing.is_set():
                 yield from self._go_on()
@@ -238,10 +239,12 @@ class Leader:
         """Go on with these components, all at the present instant."""
         self.membership.replace(participants)
         self._are_quick, self._instants = all(each.is_quick for each in self._participants), 0
+        for each in self._participants:  # so that handlers see the time; and what was sent until now is not under way
+            yield from self._ask(each, each.link.tell, self._now)
+        self._count_anew()
         for each in self._participants:
             yield from self._ask(each, each.link.step, self._now)
-        self._count_anew()
-        yield from self._settle()
+            yield from self._settle()
 
     def _tick(self, instant: int) -> Course[None]:
         self._now = instant

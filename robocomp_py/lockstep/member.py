@@ -209,7 +209,8 @@ class Member:
 
     @property
     def _is_settled(self) -> bool:
-        return self._is_idle() and self.clock.is_still
+        # Until the clock is moved for the first time, the loop waits for that, and not for the clock.
+        return self._is_idle() and (self.clock.is_still or not self._admitted.is_set())
 
     def _state(self) -> State:
         if self._is_over():  # its threads end; those that wait follow the machine
