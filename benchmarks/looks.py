@@ -231,7 +231,7 @@ def _top(access: _Answers) -> Look:
         network = take_census(["zeromq"])
         answers = rounds.ask(network, asking.components(network), PATIENCE)
         heard = {each.name for each in network.channels.values() if each.users}
-        rc_top.lines([rc_top._noted(each.now, heard) for each in answers.values()], options)
+        rc_top.lines([rc_top.mark_unheard(each.now, heard) for each in answers.values()], options)
 
     return look
 

@@ -28,8 +28,8 @@ _MANY = 50_000
 def rare_collection() -> Iterator[None]:
     """While entered, garbage is collected seldom; afterwards, this process is to end, and what there is stays.
 
-    For commands that begin, answer and end: what they import are tens of thousands of objects, none of them garbage. To
-    search those again and again takes a tenth of their time, and to search them once more at the end another tenth.
+    This is for commands that end soon. They import tens of thousands of objects, none of which is garbage. Searching
+    these repeatedly takes a tenth of the time of a command, and searching them once more at its end another tenth.
     """
     gc.set_threshold(_MANY)
     try:

@@ -292,7 +292,7 @@ def _picked(network: Network, options: argparse.Namespace) -> Offered:
 
 
 def _no_action(network: Network, name: str) -> str:
-    """The message for the name of another operation; "" if there is none of this name."""
+    """The message if the name is that of an operation which is no action; otherwise ""."""
     from ..contract.interface import Pattern
 
     for each in network.channels.values():

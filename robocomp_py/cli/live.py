@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -191,15 +192,15 @@ def awaited_topics(options: argparse.Namespace, hosts: Hosts) -> list[Channel]:
 def _prepare_to_listen(options: argparse.Namespace) -> None:
     """Import what subscriptions need, which takes as long as some middlewares wait for what others tell."""
     from .. import installed
-    from ..tools import tap  # noqa: F401 - it is only loaded
 
+    import_module("robocomp_py.tools.tap")
     for name in options.middleware:
         with suppress(ImportError):  # it may be used on other hosts only
             installed.transport(name)
 
 
 def seek_of(options: argparse.Namespace, hosts: Hosts) -> Seek | None:
-    """How to find these topics on the hosts that are out of reach now; None if there are none."""
+    """How to find these topics on hosts that are out of reach now; None if all hosts could be asked."""
     if not hosts.lost:
         return None
     from ..definitions import Definitions
@@ -254,7 +255,7 @@ def tell_host(options: argparse.Namespace, told: Lost | Back) -> None:
 
 
 def tell_found(options: argparse.Namespace, found: Found) -> None:
-    """Say that hosts are heard that were out of reach from the beginning."""
+    """Say which hosts are heard now although they were out of reach at first."""
     for host in dict.fromkeys(each.host for each in found.topics):
         say(f"rc {options.command}", f"{host} is heard now")
 

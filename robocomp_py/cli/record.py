@@ -68,7 +68,7 @@ _LOOK = 0.1
 """Seconds between two looks at the recording."""
 
 _TURN = 0.0005
-"""Seconds that a thread of Python may run while another one waits; ten times as long without this."""
+"""Seconds that a thread may run Python while another one waits to do so. Python's default is ten times as long."""
 
 _UNITS = {"kB": 1e3, "MB": 1e6, "GB": 1e9, "s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -170,8 +170,8 @@ def run(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _receiving_first() -> Iterator[None]:
-    """While entered, a thread that receives a message soon takes its turn from the one that writes: middlewares keep
-    few messages meanwhile."""
+    """While entered, a thread that receives messages does not wait long for the one that writes: middlewares keep only
+    few messages in the meantime."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_TURN)
     try:

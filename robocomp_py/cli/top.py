@@ -88,7 +88,7 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
             raise Absent("no component here tells what it does; `rc list` shows what runs")
         where = asking.hosts(network)
         heard = {each.name for each in network.channels.values() if each.users}
-        loads = [_noted(each.now, heard) for each in told.values()]
+        loads = [mark_unheard(each.now, heard) for each in told.values()]
         yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
@@ -96,8 +96,8 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
 
 
-def _noted(load: Load, heard: Set[str]) -> Load:
-    """Note to which topics nothing subscribes; `heard` are the others."""
+def mark_unheard(load: Load, heard: Set[str]) -> Load:
+    """Mark the topics without a subscriber; `heard` are the channels that have one."""
     operations = [
         replace(each, is_heard=each.channel in heard) if each.verb == "publishes" else each for each in load.operations
     ]

@@ -9,7 +9,7 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from ..contract.interface import Operation
@@ -55,7 +55,7 @@ class Hearing:
         self._reported: set[str] = set()
         """The lost hosts of which a warning was logged, and from which nothing has come since then."""
         self._absent = Absent(session.lost)
-        """The hosts that may publish it."""
+        """The hosts that could not be asked when this was made, and that may publish it."""
         failed: list[HostUnreachable] = []
         for each in channel.each_way():
             try:
@@ -128,10 +128,11 @@ class Hearing:
         try:
             self._session.aside(self._look, f"looking for {self.name}")
         except RobocompError:  # closed, or there is no thread now
-            self._absent.looked(self._session.lost)
+            self._absent.looked()
 
     def _look(self) -> None:
-        """Hear the hosts that were out of reach from the beginning, if they can be asked now."""
+        """Hear the hosts that were out of reach at first, if they can be asked now."""
+        lost: Collection[str] | None = None
         try:
             known = self._session.census().channels.get(self.name)
             for each in known.each_way(lambda way: way.host not in self._absent) if known else ():
@@ -139,10 +140,11 @@ class Hearing:
                 with self.arrived:
                     self._links.append(link)
                 self._absent.found(each.host)
+            lost = self._session.lost
         except RobocompError as exc:
             log.debug("%s: %s", self.name, exc)  # it is tried again
         finally:
-            self._absent.looked(self._session.lost)
+            self._absent.looked(lost)
 
     def forget(self, queue: Listening) -> None:
         with self.arrived:

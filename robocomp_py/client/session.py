@@ -23,7 +23,7 @@ from ..tools.far import FarLink
 from ..tools.hosts import Hosts
 from ..tools.network import Channel, Network
 from ..transports.base import Transport, TransportConfig, find_transport
-from ..transports.leader_followers import abandoned
+from ..transports.leader_followers import STUCK, abandoned
 from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from .channels import transport_channel
@@ -91,7 +91,7 @@ class Session:
         posts = self._hosts.posts
         self._hosts.close()  # what a thread asks a scout ends with an error
         for each in self._aside:
-            each.join()
+            each.join(STUCK)
         for post in posts:
             post.close()  # a thread may have begun to ask it just now
         if self._closer and self._closer is not threading.current_thread():
@@ -126,8 +126,10 @@ class Session:
         return self._hosts.census(self._middlewares, own=own).complete(self._definitions.search)
 
     def aside(self, work: Callable[[], object], name: str) -> None:
-        """Do this on a thread of its own, for which `close` waits. Raises RobocompError if it is closed, or no thread
-        can be started."""
+        """Do this on another thread, for which `close` waits.
+
+        Raises RobocompError if the connection is closed, or if no thread can be started.
+        """
         with self._lock:
             self.check_open()
             thread = threading.Thread(target=work, name=name)

@@ -191,12 +191,12 @@ class Leader:
     def _go_on(self) -> Course[None]:
         """To the next instant, if it is time."""
         due = max(self._now, min(each.state.due for each in self._participants))
-        is_same = self.membership.is_same
-        self.is_for_loop = is_same and due != NEVER and self._pace.is_unbound and self._are_quick
+        has_requests = self.membership.has_requests
+        self.is_for_loop = not has_requests and due != NEVER and self._pace.is_unbound and self._are_quick
         yield False
         while self._asking and not self.is_for_loop:
             yield False  # what follows may take long
-        if not is_same:
+        if has_requests:
             yield from self._admit()
             return
         instant = self._pace.wait(due)

@@ -47,9 +47,9 @@ class Membership:
     # What the leader asks.
 
     @property
-    def is_same(self) -> bool:
-        """Whether no component wants to join or leave."""
-        return not self._joining and not self._leaving
+    def has_requests(self) -> bool:
+        """Whether a component wants to join or leave."""
+        return bool(self._joining or self._leaving)
 
     @property
     def absent(self) -> list[str]:

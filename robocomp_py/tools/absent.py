@@ -11,14 +11,14 @@ _FIRST = 2.0
 """Seconds until the first look. Each further one waits twice as long as the one before."""
 
 _LONGEST = 60.0
-"""Seconds between two looks, at most. A host that can be asked again is looked for as long, since its components may
-still have to start."""
+"""Maximum number of seconds between two looks. For as long, a host that can be asked again is looked for, since its
+components may still have to start."""
 
 
 class Absent:
-    """Hosts that are looked for until they publish the topic. It is false if there is none.
+    """The hosts that still have to be looked for. It is false when none is left.
 
-    For any number of threads; at most one looks at a time.
+    Safe to use from any thread; one thread at a time looks for them.
     """
 
     def __init__(self, hosts: Iterable[str] = (), clock: Callable[[], float] = time.monotonic) -> None:
@@ -39,7 +39,7 @@ class Absent:
         self._until[host] = math.inf
 
     def is_due(self) -> bool:
-        """Whether to look now, and then to call `looked`. Until that call, it is False."""
+        """Whether it is time for a look. If so, the caller looks, and calls `looked`; until then, it returns False."""
         with self._lock:
             if not self._until or self._clock() < self._next:
                 return False
@@ -50,11 +50,11 @@ class Absent:
         """Look no longer for a host, since it is heard."""
         self._until.pop(host, None)
 
-    def looked(self, lost: Collection[str]) -> None:
-        """Tell that a look has ended, and which hosts could still not be asked."""
+    def looked(self, lost: Collection[str] | None = None) -> None:
+        """Call this when a look has ended. `lost` are the hosts that could not be asked; None if the look failed."""
         now = self._clock()
         for host, until in list(self._until.items()):
-            if host in lost:
+            if lost is None or host in lost:
                 self._until[host] = math.inf
             elif until < now:
                 del self._until[host]

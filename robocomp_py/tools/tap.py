@@ -45,7 +45,7 @@ _AGAIN = 2.0
 """Seconds between two attempts to hear a lost host."""
 
 _SEEKING = 0.5
-"""Seconds that the end waits for a look for hosts, which may wait for a scout that hangs. It ends with their scouts."""
+"""Seconds that the end waits for a look for hosts. If a scout hangs, the look ends only with that scout."""
 
 _FAR = 64 * 1024
 """Octets that count for a message that a scout has decoded, whatever its size."""
@@ -74,13 +74,13 @@ class Back(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A host can be asked that was out of reach from the beginning. These topics on it are heard from now on."""
+    """Hosts that were out of reach at first can be asked now. These topics of theirs are heard from now on."""
 
     topics: Sequence[Channel]
 
 
 class Seek(NamedTuple):
-    """How to find topics on hosts that were out of reach from the beginning."""
+    """How to find topics on hosts that were out of reach at first."""
 
     absent: Absent
     look: Callable[[], tuple[Sequence[Channel], Collection[str]]]
@@ -367,12 +367,12 @@ class _Subscriptions:
             self._try_again()
 
     def finds(self) -> Iterator[Found]:
-        """Look for absent hosts from time to time, on a thread of its own; and subscribe to what was found there."""
+        """Look for absent hosts from time to time, on another thread, and subscribe to the topics found there."""
         seek = self._seek
         if seek and seek.absent and seek.absent.is_due():
             self._seeking = threading.Thread(target=self._look, args=(seek,), name="looking for hosts", daemon=True)
             if not start_thread(self._seeking):
-                seek.absent.looked(())
+                seek.absent.looked()
         while not self._found.empty():
             topics = self._found.get()
             yield Found(topics)
@@ -380,7 +380,7 @@ class _Subscriptions:
                 self._add(topics)
 
     def _look(self, seek: Seek) -> None:
-        lost: Collection[str] = ()
+        lost: Collection[str] | None = None
         try:
             topics, lost = seek.look()
             found = [way for each in topics for way in each.each_way(lambda way: way.host not in seek.absent)]

@@ -167,8 +167,8 @@ class Deployment:
 
     @contextmanager
     def asking(self, options: Mapping[str, Any]) -> Iterator[Callable[[], list[Told] | None]]:
-        """A census that is begun, and that the function ends. A transport that has to wait until others have told opens
-        itself here, so that its caller has something else done while it waits.
+        """Begin a census; the function that this yields completes it. A transport that has to wait for what others tell
+        opens its links on entry, so that the caller can do something else in the meantime.
 
         Entering it and the function may raise TransportError.
         """

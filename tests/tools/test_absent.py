@@ -14,7 +14,7 @@ class Clock:
         return self.now
 
 
-def looks(absent: Absent, clock: Clock, until: float, lost: Collection[str]) -> list[float]:
+def looks(absent: Absent, clock: Clock, until: float, lost: Collection[str] | None) -> list[float]:
     """When it is looked until then, to the second; in vain."""
     found = []
     while clock.now < until:
@@ -59,3 +59,10 @@ def test_a_host_that_can_be_asked_again_has_a_minute_to_publish() -> None:
     back = looks(absent, clock, 600.0, ())
     assert back[0] + 60.0 <= back[-1] <= back[0] + 120.0
     assert not absent
+
+
+def test_a_host_is_looked_for_on_and_on_if_the_looks_fail() -> None:
+    clock = Clock()
+    absent = Absent(["base"], clock)
+    looks(absent, clock, 600.0, None)
+    assert "base" in absent

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from robocomp_py.tools.drift import Presence, compare
-from robocomp_py.tools.network import Network
+from robocomp_py.tools.network import End, Network
 
 from .test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan, way
 
@@ -142,7 +144,7 @@ def test_a_plan_of_another_version_is_refused(broken: dict[str, object]) -> None
         compare(broken, Network(()))
 
 
-def unheard(*ends, of=None):  # type: ignore[no-untyped-def]
+def unheard(*ends: End, of: Mapping[str, Any] | None = None) -> set[tuple[str, str, Presence]]:
     """The topics without a subscriber, as the publisher and the channel."""
     return {(each.provider, each.channel, each.presence) for each in compare(of or plan(), Network(ends)).unheard}
 

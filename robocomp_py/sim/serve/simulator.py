@@ -102,7 +102,7 @@ class Simulator(Controlled, Managed):
                 seed=self.params.seed,
                 without_meshes=self.params.without_meshes,
                 physics=self.params.physics,
-                hold=getattr(self.params, "hold", HOLD),
+                hold=getattr(self.params, "hold", HOLD),  # components made before this parameter lack it
                 parameters=self._parameters(),
                 compat=compat,
             )

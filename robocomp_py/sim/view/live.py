@@ -90,7 +90,7 @@ class LiveShow(Show):
         return _matrix(pose)
 
     def place(self, node: str) -> str:
-        """None: the text that the component tells is that of no file, since the scene may have been edited."""
+        """Empty: the component tells the scene as it is now, with all edits, which no file has."""
         return ""
 
     def _renew(self) -> None:
