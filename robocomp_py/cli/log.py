@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 
     def pick(network: Network) -> tuple[Network, list[str]]:
         try:
-            found = components_named(asking.components(network), [options.component])
+            found = components_named(asking.with_log_levels(network), [options.component])
         except Absent as exc:
             raise ValueError(str(exc)) from exc
         for each in found:

@@ -56,6 +56,9 @@ class Followed:
         self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
         """Waits for an event like its `wait`, with a time limit in seconds, and may do other work in the meantime."""
         self._now = 0
+        """What is shown."""
+        self._reached = 0
+        """What is due until then goes on."""
         self.due_next = NEVER
         """What `due` was when it was moved quietly."""
         self._changed = threading.Lock()
@@ -77,6 +80,9 @@ class Followed:
     def now(self) -> int:
         return self._now
 
+    def reached(self) -> int:
+        return self._reached
+
     def wait(self, wake: threading.Event, until: int) -> bool:
         working = self._working
         with self._changed:
@@ -84,7 +90,7 @@ class Followed:
             waiter = loop if loop and loop.event() is wake else self._waiter(wake)
             if loop is None:
                 loop = self._own.loop = waiter
-            if until <= self._now or wake.is_set():
+            if until <= self._reached or wake.is_set():
                 working.add(waiter)
                 return wake.is_set()
             working.discard(waiter)
@@ -117,8 +123,8 @@ class Followed:
                 with self._changed:
                     self._working.add(loop)
 
-    def set(self, to: int) -> None:
-        """Move the clock; it never goes back."""
+    def show(self, to: int) -> None:
+        """Move what `now` returns; it never goes back. What is due then waits for `proceed`."""
         with self._changed:
             self._now = max(self._now, to)
 
@@ -140,7 +146,7 @@ class Followed:
                     due = min(due, waiter.until)
                 elif first is None or waiter.is_before(first):
                     first, wakes = waiter, wake
-            self._now = now
+            self._now = self._reached = now
             if first is None or wakes is None:
                 self.due_next = due
                 return Moved.QUIETLY
@@ -196,7 +202,8 @@ class Followed:
                 continue
             left = (until - self._now) / SECOND - (time.monotonic() - begun)
             if left <= 0:
-                self.set(until)
+                with self._changed:
+                    self._now = self._reached = max(self._now, until)
                 return
 
     def wait_change(self, timeout: float) -> None:

@@ -87,6 +87,8 @@ class Passing:
             self._last = max(self._last, now)
             return self._last
 
+    reached = now
+
     def wait(self, wake: threading.Event, until: int) -> bool:
         left = until - self.now()
         if left <= 0 or wake.is_set():

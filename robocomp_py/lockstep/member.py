@@ -157,7 +157,7 @@ class Member:
         """
         clock, counts = self.clock, self.counts
         if not self._admitted.is_set():
-            clock.set(now)  # first: it is what the component sees when it begins
+            clock.show(now)  # first: it is what the component sees when it begins
             self._admitted.set()
         begun = quiet = elapsed = 0.0  # the machine is asked for its time only if this takes longer
         while True:
@@ -170,7 +170,7 @@ class Member:
                     return None
                 is_busy = moved is Moved.NOT
             else:
-                clock.set(now)
+                clock.show(now)
                 is_busy = is_busy or not clock.is_still
             if asking and asking.is_set():
                 return None
@@ -187,7 +187,7 @@ class Member:
 
     def tell(self, now: int) -> State:
         """Show an instant to handlers. What is due waits for `work`."""
-        self.clock.set(now)
+        self.clock.show(now)
         return self._state()
 
     def watch(self, last: State, asking: threading.Event | None = None) -> State:

@@ -28,10 +28,16 @@ def ns(seconds: float) -> int:
 
 
 class Clock(Protocol):
-    """What a component needs of a clock. Both methods may be called from any thread."""
+    """What a component needs of a clock. Its methods may be called from any thread."""
 
     def now(self) -> int:
         """Nanoseconds since the epoch of this clock. Never less than before."""
+
+    def reached(self) -> int:
+        """The time until which the component has been allowed to do what is due.
+
+        That is `now`, except in lock-step: handlers may see an instant before the turn of their component has come.
+        """
 
     def wait(self, wake: threading.Event, until: int) -> bool:
         """Wait until a time of this clock, or until the event is set, and return whether it is set.
@@ -54,6 +60,8 @@ class Real:
     def now(self) -> int:
         return time.monotonic_ns() + self._offset
 
+    reached = now
+
     def wait(self, wake: threading.Event, until: int) -> bool:
         left = (until - self.now()) / SECOND
         return wake.wait(min(left, threading.TIMEOUT_MAX)) if left > 0 else wake.is_set()
@@ -72,6 +80,8 @@ class Virtual:
 
     def now(self) -> int:
         return self._now
+
+    reached = now
 
     def advance(self, to: int) -> None:
         """Let the time pass until `to`; no effect if that is over."""

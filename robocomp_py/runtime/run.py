@@ -169,7 +169,7 @@ class Running:
         state = self.state
         if state is State.ENDED:
             return NEVER
-        now, is_alive = self.clock.now(), state in _ALIVE
+        now, is_alive = self.clock.reached(), state in _ALIVE
         due = now
         if self._is_stepping:
             due = NEVER
@@ -508,7 +508,7 @@ class Running:
 
     def _on_the_beat(self, hook: Callable[[], None], then: Callable[[], None] | None = None) -> bool:
         """Call a hook if it is due, and something after it, and return whether it was."""
-        beat, begun = self._compute._beat, self.clock.now()
+        beat, begun = self._compute._beat, self.clock.reached()
         if beat.due(begun) > begun:
             return False
         skipped = beat.overruns
@@ -568,7 +568,7 @@ class Running:
 
     def _watch(self) -> bool:
         """Look at the deadlines of topics, if that is due and no thread does it."""
-        if not self._is_driven or self._watching.due() > self.clock.now():
+        if not self._is_driven or self._watching.due() > self.clock.reached():
             return False
         self._watching.look()
         return True
@@ -587,7 +587,7 @@ class Running:
             self._sleeping.add(wake)
         try:
             with self.monitor.suspended():
-                while self.state not in over and not condition() and self.clock.now() < until:
+                while self.state not in over and not condition() and self.clock.reached() < until:
                     if self.clock.wait(wake, until):
                         wake.clear()
         finally:

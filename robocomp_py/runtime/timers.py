@@ -181,10 +181,10 @@ class Agenda:
 
     def take(self) -> Timer | TimerHandle | None:
         """The first timer or function, if it is due. The caller calls `run` for it."""
-        now = self._clock.now()
+        reached = self._clock.reached()
         with self._lock:
             due, first = self._first()
-            if due > now:
+            if due > reached:
                 return None
             if isinstance(first, Timer):
                 first._is_running = True
@@ -223,7 +223,7 @@ class Agenda:
             if self._thread or self._closed:
                 return
             self._thread = threading.Thread(target=self._loop, args=(fire,), name=f"{self._name}-timers")
-            self._clock.wait(self._wake, self._clock.now())  # so that a clock that others move knows of the thread
+            self._clock.wait(self._wake, self._clock.reached())  # so that a clock that others move knows of the thread
             if not start_thread(self._thread):
                 self._thread = None
                 raise ComponentError(f"timers cannot run: {NO_THREAD}")

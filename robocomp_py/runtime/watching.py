@@ -125,7 +125,7 @@ class Watching:
         self._has_begun = True
         if self._watched and self._thread is None and not self._closed:
             thread = threading.Thread(target=self._run, name=f"{self._name}-watch")
-            self._clock.wait(self._news, self._clock.now())  # so that a clock that others move knows of the thread
+            self._clock.wait(self._news, self._clock.reached())  # so that a clock that others move knows of the thread
             if not start_thread(thread):
                 raise ComponentError(f"the QoS of its topics cannot be watched: {NO_THREAD}")
             self._thread = thread
@@ -170,7 +170,7 @@ class Watching:
     def _run(self) -> None:
         while not self._closed:
             due = self.due()
-            if due > self._clock.now():
+            if due > self._clock.reached():
                 if self._clock.wait(self._news, due):
                     self._news.clear()
                 continue

@@ -46,6 +46,11 @@ def components(network: Network) -> list[str]:
     return sorted({name for each in network.stock(INTERFACE) if (name := _instance(each))})
 
 
+def with_log_levels(network: Network) -> list[str]:
+    """The whole names of those whose levels `set_log_level` changes."""
+    return network.offering(INTERFACE, ["setLogLevel"])
+
+
 def hosts(network: Network) -> dict[str, str]:
     """The hosts of those instances which are on another one, by their whole names."""
     found = {_instance(each): end.host for each in network.stock(INTERFACE) for end in each.providers}

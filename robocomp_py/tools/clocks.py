@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import RobocompError, Timeout
+from ..lockstep.RoboCompClock import CLOCKCONTROL_INTERFACE
 from .access import Access
 from .network import Channel, Network
 
-INTERFACE = "ClockControl"
+INTERFACE = CLOCKCONTROL_INTERFACE.short
 
 _LOOK = 0.02
 """Seconds between two looks if the clock stands still."""
@@ -37,7 +38,7 @@ class Clock:
 
 def leaders(network: Network) -> list[str]:
     """The whole names of the instances that lead a clock."""
-    return sorted({each.name.rsplit("/", 2)[0] for each in network.stock(INTERFACE) if each.providers})
+    return network.offering(INTERFACE, [each.name for each in CLOCKCONTROL_INTERFACE.operations])
 
 
 def state(access: Access, network: Network, leader: str, deadline: float) -> Clock:

@@ -260,6 +260,18 @@ class Network:
         """The channels of an interface of the framework, also if these do not belong to the network."""
         return self._by_interface.get(interface, [])
 
+    def offering(self, interface: str, operations: Iterable[str]) -> list[str]:
+        """The whole names of the instances that have all these operations of an interface of the framework.
+
+        While a component starts, it announces one operation after the other.
+        """
+        found: dict[str, set[str]] = {}
+        for each in self.stock(interface):
+            instance, _, operation = each.name.rsplit("/", 2)
+            if each.providers:
+                found.setdefault(instance, set()).add(operation)
+        return sorted(name for name, offered in found.items() if offered.issuperset(operations))
+
     @cached_property
     def _by_interface(self) -> Mapping[str, list[Channel]]:
         found: dict[str, list[Channel]] = {}

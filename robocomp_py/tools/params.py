@@ -39,7 +39,7 @@ _KEY = "ros__parameters"
 
 def components(network: Network) -> list[str]:
     """The whole names of all components that have parameters, or may have."""
-    return sorted({each.name.rsplit("/", 2)[0] for each in network.stock(COMMON)})
+    return network.offering(COMMON, ["getParameterList", "setParameterList"])
 
 
 def read(access: Access, network: Network, component: str, deadline: float) -> list[Setting]:

@@ -22,6 +22,8 @@ class TurnClock:
     def now(self) -> int:
         return self._executor.now
 
+    reached = now
+
     def wait(self, wake: threading.Event, until: int) -> bool:
         Pause(self._executor, wake.is_set).wait(None if until == NEVER else until, self._order)
         return wake.is_set()

@@ -75,9 +75,24 @@ def test_an_event_that_is_set_means_that_its_thread_is_about_to_work() -> None:
 
 def test_the_clock_never_goes_back() -> None:
     clock = Followed(lambda: False)
-    clock.set(100)
-    clock.set(50)
+    clock.show(100)
+    clock.show(50)
     assert clock.now() == 100
+    clock.proceed(70)
+    assert clock.now() == clock.reached() == 100
+
+
+def test_what_is_due_at_an_instant_that_is_shown_waits_for_its_turn() -> None:
+    clock, wake = Followed(lambda: False), threading.Event()
+    clock.show(100)
+    assert (clock.now(), clock.reached()) == (100, 0)
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(clock.wait, wake, 100)
+        wait_until(lambda: clock.due == 100)
+        assert not waiting.done()
+        assert clock.proceed(100) is Moved.TO_OTHER
+        waiting.result(SOON)
+    assert clock.reached() == 100
 
 
 def test_while_nobody_moves_it_the_time_of_a_wait_passes_by_itself() -> None:

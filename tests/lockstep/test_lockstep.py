@@ -177,6 +177,41 @@ def test_a_handler_sees_the_present_instant_also_if_its_component_is_yet_to_comp
     assert entries[-4:] == ["news 4 at 150", "compute at 150", "news 5 at 200", "compute at 200"]
 
 
+class Poking(Moon):
+    """A leader that pokes the earth many times."""
+
+    component = Component("sun", (Port(Verb.REQUIRES, e.EVERYTHING, proxy=EverythingProxy),), period=0.05)
+
+    def compute(self) -> None:
+        for number in range(20):
+            self.everything_proxy.poke(number)
+
+
+class Stirred(Earth):
+    """Computes at the same instants, and each poke wakes its loop."""
+
+    component = Component("earth", Earth.component.ports, period=0.05)
+
+    def compute(self) -> None:
+        self.entries.append(f"compute at {self.ms}")
+
+    def Everything_poke(self, number: int) -> None:
+        super().Everything_poke(number)
+        self.period = self.period
+
+
+def test_a_component_computes_when_its_turn_comes_and_not_when_a_handler_wakes_its_loop() -> None:
+    over = "middleware=shm"
+    with (
+        running(make(Poking, find_transport, over, *leading("earth"), name="sun"), ready=False),
+        running(make(Stirred, find_transport, over, "clock.leader=sun", name="earth"), ready=False) as earth,
+    ):
+        wait_until(lambda: "compute at 500" in earth.entries)
+    for at in range(50, 500, 50):
+        entries = [each for each in earth.entries if each.endswith(f" at {at}")]
+        assert entries == [*(f"poke {number} at {at}" for number in range(20)), f"compute at {at}"]
+
+
 class Asking(Moon):
     """A leader that asks the earth, whose answer takes some time."""
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import threading
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +59,17 @@ def replayed(run: Path, followers: int, *arguments: str) -> None:
     assert rc.main(["replay", str(run), "--clock", "--timeout", str(SOON), *arguments]) == 0
 
 
+@contextlib.contextmanager
+def replaying(run: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A replay in a process of its own, which ends with the block: it would last, and disturb what comes after it."""
+    words = [sys.executable, "-m", "robocomp_py.cli.rc", "replay", str(run), "--clock", "--timeout", str(SOON)]
+    with subprocess.Popen([*words, *arguments]) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
 @pytest.mark.parametrize("middleware", ["shm", "zeromq"])
 def test_in_lockstep_components_do_the_same_each_time(
     middleware: str, own_runtime_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -103,16 +117,16 @@ def test_the_clock_of_a_replay_is_driven_as_any_other(
 ) -> None:
     run = recorded(tmp_path / "run", numbers=10, seconds=1.0)
     with following("lockstep") as worker:
-        replay = threading.Thread(target=replayed, args=(run, 1, "--rate", "0.01"))
-        replay.start()
-        wait_until(lambda: leaders(take_census(own=True)) == ["talker"])
-        assert rc.main(["clock", "pause", "--timeout", str(SOON)]) == 0
-        assert rc.main(["clock", "step", "2", "--timeout", str(SOON)]) == 0
-        assert max(worker.heard) in (1, 2)
-        assert rc.main(["clock", "speed", "max", "--timeout", str(SOON)]) == 0
-        assert rc.main(["clock", "resume", "--timeout", str(SOON)]) == 0
-        replay.join(SOON)
-        assert max(worker.heard) == 9
+        wait_until(lambda: bool(followed(take_census(own=True))))
+        with replaying(run, "--rate", "0.01") as replay:
+            wait_until(lambda: leaders(take_census(own=True)) == ["talker"])
+            assert rc.main(["clock", "pause", "--timeout", str(SOON)]) == 0
+            assert rc.main(["clock", "step", "2", "--timeout", str(SOON)]) == 0
+            assert max(worker.heard) in (1, 2)
+            assert rc.main(["clock", "speed", "max", "--timeout", str(SOON)]) == 0
+            assert rc.main(["clock", "resume", "--timeout", str(SOON)]) == 0
+            assert replay.wait(SOON) == 0
+            assert max(worker.heard) == 9
 
 
 def test_the_clock_that_it_leads_is_chosen(
