@@ -32,6 +32,7 @@ from .contacts import Grounds, grounds, part
 from .draft import Draft
 from .grippers import Gripper
 from .looks import Looks
+from .names import PREFIX, of_part
 from .parameters import BASES, JOINTS, Parameters, checked
 
 _MASS = 0.5
@@ -45,8 +46,6 @@ _LEAST_BASE = 0.3
 _UNIT = {"x": np.array((1.0, 0.0, 0.0)), "y": np.array((0.0, 1.0, 0.0)), "z": np.array((0.0, 0.0, 1.0))}
 _ROLLING = (0.005, 0.0001)
 """Friction in turn and in rolling: without effect, since contacts have three dimensions."""
-_PREFIX = "."
-"""In front of names in MuJoCo, which reserves `world`; nearly every file has a node of that name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +133,11 @@ class Scene:
     @property
     def movable(self) -> list[str]:
         """The nodes that can move within their parents, parents first."""
-        return [name.removeprefix(_PREFIX) for name in self.made_by.trees]
+        return [name.removeprefix(PREFIX) for name in self.made_by.trees]
 
     def node_of(self, body: int) -> str:
         """The node that became a body."""
-        return str(self.model.body(body).name.removeprefix(_PREFIX))
+        return str(self.model.body(body).name.removeprefix(PREFIX))
 
 
 class MissingMeshError(InnerModelError):
@@ -215,12 +214,12 @@ def build(
         if body.name != "world":
             _weigh(building, body)
     for name in building.bases:
-        servos.add_to_base(spec, _PREFIX + name, is_tilted=_is_tilted(tree.node(name)))
+        servos.add_to_base(spec, PREFIX + name, is_tilted=_is_tilted(tree.node(name)))
     for name in building.joints:
-        servos.add_to_joint(spec, _PREFIX + name)
+        servos.add_to_joint(spec, PREFIX + name)
     for name in (each for each, values in building.parameters.items() if "suction" in values):
         body, _ = building.frames[name]
-        grippers.add(spec, _PREFIX + name, body, _free(building, body))
+        grippers.add(spec, PREFIX + name, body, _free(building, body))
     return _compiled(building)
 
 
@@ -243,7 +242,7 @@ def _place(building: Building, name: str, body: mujoco.MjsBody, within: Array) -
     elif node.tag == "axes" and building.looks:
         building.looks.add_axes(body, node, within)
     elif building.looks and name in building.looks.lenses:
-        building.looks.add_camera(body, node, _PREFIX + name, within)
+        building.looks.add_camera(body, node, PREFIX + name, within)
     for child in node.children:
         _place(building, child, body, within)
 
@@ -251,7 +250,7 @@ def _place(building: Building, name: str, body: mujoco.MjsBody, within: Array) -
 def _add_body(building: Building, parent: mujoco.MjsBody, name: str, pose: Array) -> mujoco.MjsBody:
     """Motors carry the weight of the links of a robot, but not of what is part of a free body."""
     position, turn = _in_simulation(pose)
-    made = parent.add_body(name=_PREFIX + name, pos=position, quat=_quaternion(turn))
+    made = parent.add_body(name=PREFIX + name, pos=position, quat=_quaternion(turn))
     made.gravcomp = 1.0 if parent.name == "world" else parent.gravcomp
     building.trees[made.name] = building.trees.get(parent.name, made.name)
     return made
@@ -263,12 +262,12 @@ def _add_joint(building: Building, node: Node, parent: mujoco.MjsBody, within: A
     if node.tag == "joint":
         body = _add_body(building, parent, node.id, within @ building.tree.offset(node.id))
         body.add_joint(
-            name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(axis), armature=0.01
+            name=PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(axis), armature=0.01
         )
     else:
         body = _add_body(building, parent, node.id, within)
         body.add_joint(
-            name=_PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axes.TO_SIMULATION @ axis, armature=0.01
+            name=PREFIX + node.id, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axes.TO_SIMULATION @ axis, armature=0.01
         )
     return body
 
@@ -282,9 +281,11 @@ def _add_base(building: Building, node: Node, parent: mujoco.MjsBody, within: Ar
     body = _add_body(building, parent, node.id, within @ axes.pose((0.0, height, 0.0), tilted))
     for axis in "xz":
         along = axes.TO_SIMULATION @ tilted.T @ _UNIT[axis]
-        body.add_joint(name=f"{_PREFIX}{node.id}.{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=along)
+        body.add_joint(name=of_part(PREFIX + node.id, axis), type=mujoco.mjtJoint.mjJNT_SLIDE, axis=along)
     body.add_joint(
-        name=f"{_PREFIX}{node.id}.turn", type=mujoco.mjtJoint.mjJNT_HINGE, axis=axes.turn_to_simulation(_UNIT["y"])
+        name=of_part(PREFIX + node.id, "turn"),
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=axes.turn_to_simulation(_UNIT["y"]),
     )
     return body, axes.pose((0.0, 0.0, 0.0), axes.rotation(0.0, 0.0, roll))
 
@@ -293,7 +294,7 @@ def _add_free(building: Building, node: Node) -> mujoco.MjsBody:
     """Free joints are allowed at the top only: the body has its pose in the world, and the tree keeps its parent."""
     body = _add_body(building, building.spec.worldbody, node.id, building.tree.matrix(ROOT_ID, node.id))
     body.gravcomp = 0.0
-    body.add_freejoint(name=_PREFIX + node.id)
+    body.add_freejoint(name=PREFIX + node.id)
     return body
 
 
@@ -345,7 +346,7 @@ def _add_mesh(building: Building, node: Node, body: mujoco.MjsBody, within: Arra
 
 
 def _add_shape(building: Building, node: Node, body: mujoco.MjsBody, **made: Any) -> mujoco.MjsGeom:
-    made |= {"name": _PREFIX + node.id}
+    made |= {"name": PREFIX + node.id}
     friction = _nearest(building, node, "friction")
     if friction is not None:
         made |= {"friction": (friction, *_ROLLING)}
@@ -354,7 +355,7 @@ def _add_shape(building: Building, node: Node, body: mujoco.MjsBody, **made: Any
         made |= {"surfacevel": (belt / 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0)}
     shape = body.add_geom(**made)
     if body.name == "world":
-        building.fixed[_PREFIX + node.id] = shape, made
+        building.fixed[PREFIX + node.id] = shape, made
     return shape
 
 
@@ -380,7 +381,7 @@ def _made_mesh(building: Building, path: Path, scale: tuple[float, ...]) -> tupl
 
 def _weigh(building: Building, body: mujoco.MjsBody) -> None:
     """Give a body the inertia of the box around its shapes: MuJoCo wants one of each body that moves."""
-    node = building.tree.node(body.name.removeprefix(_PREFIX))
+    node = building.tree.node(body.name.removeprefix(PREFIX))
     usual, least = (_BASE_MASS, _LEAST_BASE) if node.tag in BASES else (_MASS, _LEAST_EXTENT)
     told = number_of(node.values["mass"]) if node.values.get("engine") == "bullet" else 0.0
     body.mass = building.parameters.get(node.id, {}).get("mass") or told or usual
@@ -395,7 +396,7 @@ def _weigh(building: Building, body: mujoco.MjsBody) -> None:
 def _compiled(building: Building) -> Scene:
     tree, model = building.tree, _model(building.spec)
     start = _start(building, model)
-    driving = {_PREFIX + name for name in building.bases}
+    driving = {PREFIX + name for name in building.bases}
     if not building.looks:
         is_apart, building.grounds = part(building.spec, model, start, building.trees, building.fixed, driving)
         model = _model(building.spec) if is_apart else model
@@ -405,12 +406,12 @@ def _compiled(building: Building) -> Scene:
         frames[name] = Frame(model.body(body).id, turn, position)
     bases = {name: _base(model, tree.node(name)) for name in building.bases}
     joints = {name: _joint(model, tree.node(name)) for name in building.joints}
-    forces = {_PREFIX + name: values["force"] for name, values in building.parameters.items() if "force" in values}
+    forces = {PREFIX + name: values["force"] for name, values in building.parameters.items() if "force" in values}
     servos.tune(model, start, forces)
     held = _grippers(building, model)
     looks = building.looks
     shapes, stops = ((), np.zeros(0, dtype=bool)) if looks else _shapes_of(tree, model)
-    eyes = {name: model.camera(_PREFIX + name).id for name in looks.lenses} if looks else {}
+    eyes = {name: model.camera(PREFIX + name).id for name in looks.lenses} if looks else {}
     displays = {name: model.texture(picture).id for name, picture in looks.displays.items()} if looks else {}
     return Scene(model, frames, bases, joints, start, shapes, stops, tree, held, eyes, displays, building)
 
@@ -423,7 +424,7 @@ def _grippers(building: Building, model: mujoco.MjModel) -> dict[str, Gripper]:
 def _shapes_of(tree: Tree, model: mujoco.MjModel) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
     """The nodes of the geoms, and which of them stop bases."""
     begin = int(model.name_geomadr[0]) if model.ngeom else 0
-    names = ("\0" + model.names[begin:].decode()).replace("\0" + _PREFIX, "\0")
+    names = ("\0" + model.names[begin:].decode()).replace("\0" + PREFIX, "\0")
     shapes = tuple(names.split("\0", model.ngeom + 1)[1 : model.ngeom + 1])
     return shapes, np.array([_stops(tree, name) for name in shapes], dtype=bool)
 
@@ -438,7 +439,7 @@ def _shapes_after(
     tree, known = building.tree, before.made_by.fixed
     shapes, stops, end = list(before.shapes), before.stops.tolist(), int(before.model.body_geomnum[0])
     for name in changed:
-        if _PREFIX + name not in known:
+        if PREFIX + name not in known:
             continue
         number = shapes.index(name)
         if name in tree:
@@ -470,7 +471,7 @@ def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None, *, i
         return None
     removed = [name for name in changed if name not in tree]
     is_final &= len(removed) == len(changed)
-    keeps = not is_final and any(_PREFIX + name in before.fixed for name in removed)
+    keeps = not is_final and any(PREFIX + name in before.fixed for name in removed)
     draft = before.draft.taken(before.mark, keeps=keeps)
     if draft is None:
         return None
@@ -479,26 +480,26 @@ def rebuilt(scene: Scene, tree: Tree, parameters: Parameters | None = None, *, i
     draft.begin(building.mark)
     frames = dict(scene.frames)
     for name in removed:
-        if building.fixed.pop(_PREFIX + name, None):
-            draft.remove(_PREFIX + name)
+        if building.fixed.pop(PREFIX + name, None):
+            draft.remove(PREFIX + name)
         del frames[name], building.frames[name]
     added = []
     for name in moved:
         node, pose = tree.node(name), tree.matrix(ROOT_ID, name)
         position, turn = _in_simulation(pose)
         building.frames[name], frames[name] = ("world", pose), Frame(0, turn, position)
-        shape, is_box = draft.spec.geom(_PREFIX + name), node.tag in ("plane", "display")
+        shape, is_box = draft.spec.geom(PREFIX + name), node.tag in ("plane", "display")
         if shape is not None:
             draft.set(shape, _box(node, pose) if is_box else {"pos": position, "quat": _quaternion(turn)})
         elif is_box:
-            draft.will_add(_PREFIX + name)
+            draft.will_add(PREFIX + name)
             _add_box(building, node, draft.spec.worldbody, pose)
             added.append(name)
     model = _model(draft.spec)
     shapes, stops = _shapes_after(scene, building, changed, added)
-    fresh = [shapes.index(name) for name in moved if _PREFIX + name in building.fixed]
+    fresh = [shapes.index(name) for name in moved if PREFIX + name in building.fixed]
     if before.grounds.may_have(model, fresh):
-        driving = {_PREFIX + name for name in building.bases}
+        driving = {PREFIX + name for name in building.bases}
         if grounds(model, scene.start, building.trees, driving).pairs != before.grounds.pairs:
             return None
     for each in ("actuator_gainprm", "actuator_biasprm", "actuator_forcelimited", "actuator_forcerange"):
@@ -538,16 +539,16 @@ def _is_plain(before: Building, node: Node, *, is_new: bool = True) -> bool:
     if node.tag in (*BASES, *JOINTS) or node.values.get("engine") == "bullet" or (is_new and node.tag == "mesh"):
         return False
     above, _ = before.frames.get(node.parent, ("world", None))
-    return above == "world" and all(shape != _PREFIX + node.id for _, shape in before.grounds.pairs)
+    return above == "world" and all(shape != PREFIX + node.id for _, shape in before.grounds.pairs)
 
 
 def _free(building: Building, body: str) -> dict[str, str]:
     """The bodies that move freely, by their ids; without that which carries a body."""
     own = building.trees.get(body)
     return {
-        node.id: _PREFIX + node.id
+        node.id: PREFIX + node.id
         for node in map(building.tree.node, building.tree.ids)
-        if node.values.get("engine") == "bullet" and _PREFIX + node.id != own
+        if node.values.get("engine") == "bullet" and PREFIX + node.id != own
     }
 
 
@@ -556,13 +557,13 @@ def _gripper(building: Building, model: mujoco.MjModel, name: str, reach: float)
     for each in building.tree.ids:  # parents first
         if building.tree.node(each).parent in below:
             below.add(each)
-    shapes = [number for number in range(model.ngeom) if model.geom(number).name.removeprefix(_PREFIX) in below]
+    shapes = [number for number in range(model.ngeom) if model.geom(number).name.removeprefix(PREFIX) in below]
     body, _ = building.frames[name]
     free = {
         each: np.flatnonzero(_bodies(model, other)[model.geom_bodyid]).tolist()
         for each, other in _free(building, body).items()
     }
-    return grippers.made(model, _PREFIX + name, reach, shapes, free)
+    return grippers.made(model, PREFIX + name, reach, shapes, free)
 
 
 def _model(spec: mujoco.MjSpec) -> mujoco.MjModel:
@@ -586,10 +587,10 @@ def _start(building: Building, model: mujoco.MjModel) -> Array:
 
 
 def _base(model: mujoco.MjModel, node: Node) -> Base:
-    x, z, turn = (int(model.joint(f"{_PREFIX}{node.id}.{each}").qposadr[0]) for each in ("x", "z", "turn"))
+    x, z, turn = (int(model.joint(of_part(PREFIX + node.id, each)).qposadr[0]) for each in ("x", "z", "turn"))
     noise, collides = number_of(node.values["noise"]), bool(node.values["collide"])
-    servo = model.actuator(servos.of_base(_PREFIX + node.id)).id
-    bodies = _bodies(model, _PREFIX + node.id)
+    servo = model.actuator(servos.of_base(PREFIX + node.id)).id
+    bodies = _bodies(model, PREFIX + node.id)
     shapes, is_omni = bodies[model.geom_bodyid], node.tag == "omnirobot"
     return Base(node.id, x, z, turn, is_omni, collides, noise, bodies, shapes, servo, _is_tilted(node))
 
@@ -608,12 +609,12 @@ def _bodies(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
 
 
 def _joint(model: mujoco.MjModel, node: Node) -> Joint:
-    place = int(model.joint(_PREFIX + node.id).qposadr[0])
+    place = int(model.joint(PREFIX + node.id).qposadr[0])
     low, high, home = (number_of(node.values[each]) for each in ("min", "max", "home"))
     slides = node.tag == "prismaticjoint"
     offset = number_of(node.values["offset"]) / 1000.0 if slides else 0.0
-    freedom = int(model.joint(_PREFIX + node.id).dofadr[0])
-    return Joint(node.id, place, freedom, slides, offset, low, high, home, model.actuator(_PREFIX + node.id).id)
+    freedom = int(model.joint(PREFIX + node.id).dofadr[0])
+    return Joint(node.id, place, freedom, slides, offset, low, high, home, model.actuator(PREFIX + node.id).id)
 
 
 def _in_simulation(pose: Array) -> tuple[Array, Array]:

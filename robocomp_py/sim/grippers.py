@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from .names import of_part
+
 _RELATIVE, _TURN = slice(3, 6), slice(6, 10)
 """Of the data of a weld: where the second body is seen from the first."""
 
@@ -77,4 +79,4 @@ def hold(model: mujoco.MjModel, data: mujoco.MjData, weld: int) -> None:
 
 
 def _weld(name: str, body: str) -> str:
-    return f"{name} holds {body}"
+    return of_part(name, body)

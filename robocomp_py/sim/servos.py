@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from ..innermodel.axes import Array
+from .names import of_part, split
 
 _STIFFNESS = 0.5
 """Of the servos of joints: their own frequency in rad/s, times the length of a step."""
@@ -26,15 +27,17 @@ _SLIDES = {"ahead": "z", "aside": "x"}
 
 def of_base(base: str) -> str:
     """The name of the first servo of a base."""
-    return f"{base}.ahead"
+    return of_part(base, "ahead")
 
 
 def add_to_base(spec: mujoco.MjSpec, base: str, *, is_tilted: bool) -> None:
     spec.body(base).add_site(name=base)
     for part, direction in _PARTS.items():
-        servo = spec.add_actuator(name=f"{base}.{part}", trntype=mujoco.mjtTrn.mjTRN_SITE, target=base, gear=direction)
+        servo = spec.add_actuator(
+            name=of_part(base, part), trntype=mujoco.mjtTrn.mjTRN_SITE, target=base, gear=direction
+        )
         if is_tilted and part in _SLIDES:
-            servo.trntype, servo.target = mujoco.mjtTrn.mjTRN_JOINT, f"{base}.{_SLIDES[part]}"
+            servo.trntype, servo.target = mujoco.mjtTrn.mjTRN_JOINT, of_part(base, _SLIDES[part])
             servo.gear = (1, 0, 0, 0, 0, 0)
         servo.set_to_velocity(kv=1.0)
         servo.forcelimited = True
@@ -74,11 +77,11 @@ def tune(model: mujoco.MjModel, start: Array, forces: Mapping[str, float]) -> No
                 model.actuator_forcelimited[number] = True
                 model.actuator_forcerange[number] = -forces[name], forces[name]
             continue
-        base, _, part = name.rpartition(".")
-        freedom = model.jnt_dofadr[model.joint(f"{base}.{'turn' if part == 'turn' else 'x'}").id]
+        base, part = split(name)
+        freedom = model.jnt_dofadr[model.joint(of_part(base, "turn" if part == "turn" else "x")).id]
         gain = inertias[freedom, freedom] / (2.0 * tick)
         model.actuator_gainprm[number, 0], model.actuator_biasprm[number, 2] = gain, -gain
-        mass = inertias[(model.jnt_dofadr[model.joint(f"{base}.x").id],) * 2]
+        mass = inertias[(model.jnt_dofadr[model.joint(of_part(base, "x")).id],) * 2]
         most = forces.get(base, _TRACTION * mass) * (_arm(model, base) if part == "turn" else 1.0)
         model.actuator_forcerange[number] = -most, most
 

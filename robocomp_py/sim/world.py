@@ -33,6 +33,7 @@ from .falling import let_go
 from .grippers import hold, nearest
 from .joints import At, Motor, To
 from .motion import TOUCH, Motion
+from .names import PREFIX, of_part
 from .noise import normal
 from .render import View
 from .speeds import Truth, truth
@@ -118,9 +119,10 @@ class World(Motion, Touching):
                 self._scene.bases[name],
                 Pose(float(pose[0, 3]), float(pose[2, 3]), math.atan2(turned[0, 2], turned[0, 0])),
             )
-            self._data.qvel[[model.jnt_dofadr[model.joint(f".{name}.{each}").id] for each in ("x", "z", "turn")]] = 0.0
+            parts = [model.joint(of_part(PREFIX + name, each)).id for each in ("x", "z", "turn")]
+            self._data.qvel[model.jnt_dofadr[parts]] = 0.0
         else:
-            joint = model.joint(f".{name}")
+            joint = model.joint(PREFIX + name)
             world = self._matrix(node.parent) @ pose
             place, freedom = int(joint.qposadr[0]), int(joint.dofadr[0])
             self._data.qpos[place : place + 3] = axes.position_to_simulation(world[:3, 3])

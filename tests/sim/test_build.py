@@ -153,3 +153,19 @@ def test_a_file_that_is_no_mesh_is_refused(name: str, content: str, text: str, t
     with pytest.raises(InnerModelError) as refused:
         read_mesh(tmp_path / name)
     assert text in str(refused.value)
+
+
+def test_ids_may_be_those_that_a_base_and_a_gripper_would_make_of_theirs() -> None:
+    tree, parameters = Tree(), {}
+    for name in ("base", "base.x", "base.turn", "base.ahead"):
+        tree.add("root", "differentialrobot" if name == "base" else "joint", name)
+    for name in ("box", "b holds box"):
+        tree.add("root", "transform", name, engine="bullet")
+    for name in ("a", "a holds b"):
+        tree.add("base", "transform", name)
+        tree.add(name, "plane", f"cup of {name}")
+        parameters[name] = {"suction": 5.0}
+    world = World(tree, parameters=parameters)
+    world.move_joint("base.x", 0.5)
+    assert (world.position("base.x"), world.odometry("base").x) == (0.5, 0.0)
+    assert world.grippers == ["a", "a holds b"]
