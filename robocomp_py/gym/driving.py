@@ -201,11 +201,9 @@ class SceneDriver:
             self._start()
         world = self._worker.world
         self.settle()
-        if world.tree is not self._tree:
-            world.change(self._tree)
-            self.settle()  # what was edited away is provided again
         world.set_physics(self._physics)
-        world.reset(seed)
+        world.reset(seed, self._tree)
+        self.settle()  # what was edited away is provided again
 
     def _start(self) -> None:
         self._simulation = simulation = Simulation([self._part])

@@ -75,6 +75,7 @@ class Editing:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._first = world.tree
         self._draft: Tree | None = None
         self._placed: dict[str, Array] = {}
         """Poses within their parents of bases and free bodies that are moved by the edits."""
@@ -105,6 +106,11 @@ class Editing:
         except InnerModelError as exc:
             raise EditError("InternalError", str(exc)) from exc
         return True
+
+    def reset(self, seed: int) -> None:
+        """Let the world begin again with the tree that it had at first, and without notes and points."""
+        self._draft, self._placed, self._notes, self.clouds = None, {}, {}, {}
+        self._world.reset(seed, self._first)
 
     # Nodes.
 

@@ -56,6 +56,19 @@ class World(Motion, Touching):
         InnerModelError for what cannot be used, and Overlap if a base that stops would be inside of what stops it;
         then nothing has changed.
         """
+        self._exchange(tree, placed or {}, may_overlap=False)
+
+    def reset(self, seed: int | None = None, tree: Tree | None = None) -> None:
+        """Begin again at tick 0, with all as the tree had it; with another seed if one is given.
+
+        Physics stays on or off, and what `change` has edited stays so; with a tree of before, such as the first `tree`,
+        the world begins again with that one. Raises InnerModelError for a tree that cannot be used.
+        """
+        if tree is not None and tree is not self._tree:
+            self._exchange(tree, {}, may_overlap=True)
+        super().reset(seed)
+
+    def _exchange(self, tree: Tree, placed: Mapping[str, Array], *, may_overlap: bool) -> None:
         check_tree(tree)
         before = object.__new__(World)  # with the same data: the edited world gets others
         before.__dict__.update(self.__dict__)
@@ -68,10 +81,10 @@ class World(Motion, Touching):
             carry(before._scene, before._data, self._scene, self._data)
             self._told = {}
             self._update()
-            for name, pose in (placed or {}).items():
+            for name, pose in placed.items():
                 self._set_pose(name, pose)
             self._keep(before)
-            if placed or self._has_other_stops():
+            if not may_overlap and (placed or self._has_other_stops()):
                 self._check_overlaps(before)
         except BaseException:
             self.__dict__ = before.__dict__

@@ -141,6 +141,18 @@ def test_a_reset_keeps_edits_and_forgets_places(room: World) -> None:
     assert room.scan("laser")[RIGHT] == pytest.approx(1495)
 
 
+def test_a_reset_to_the_first_tree_undoes_edits(room: World) -> None:
+    first, fresh = room.tree, room.digest()
+    tree = first.copy()
+    tree.remove("stand")
+    tree.remove("pan")
+    room.change(tree, {"base": axes.pose((2000.0, 0.0, 0.0), np.eye(3))})  # where the wall was
+    room.reset(tree=first)
+    assert room.scan("laser")[RIGHT] == pytest.approx(1995)
+    assert room.joints == ["pan"]
+    assert room.digest() == fresh
+
+
 def test_shapes_collide_where_they_overlap(room: World) -> None:
     assert not room.collide("base", "stand")
     room.change(room.tree.copy(), {"box": axes.pose((1950.0, 100.0, 0.0), axes.rotation(0.0, math.pi / 4, 0.0))})

@@ -112,6 +112,21 @@ def test_poses_are_set_and_asked_from_anywhere(house: ComponentTest) -> None:
     assert (matrix.data.reshape(4, 4) @ (1, 2, 3, 1))[:3] == pytest.approx(numbers(there), abs=1e-3)
 
 
+def test_a_reset_undoes_edits(house: ComponentTest) -> None:
+    first = house.worker.world.tree.text()
+    call(house, "removeNode", "base")
+    call(house, "addPlane", "board", "world", plane(house))
+    call(house, "addAttribute", "world", "note", "string", "text")
+    tick(house)
+    assert not house.worker.laser
+    call(house, "removeNode", "board")  # takes effect with the next tick, which does not come
+    house.call("Simulation.reset", 1)
+    assert house.worker.world.tree.text() == first
+    assert list(house.worker.laser) == ["front"]
+    with pytest.raises(Exception, match="unknown attribute `note`"):
+        call(house, "getAttribute", "world", "note")
+
+
 def test_joints_come_and_go_with_their_motors(house: ComponentTest) -> None:
     joint = made(house, "jointType", pose=pose(house), min=0.5, max=1.0, axis="x", port=7)
     call(house, "addJoint", "nod", "pan", joint)

@@ -115,11 +115,14 @@ class Controlled(Worker[Any]):
             raise self._refusal("setSpeed", str(exc)) from exc
 
     def Simulation_reset(self, seed: int) -> None:
-        """Begin again, with noise of another seed."""
+        """Begin again without edits, with noise of another seed."""
         if seed < 0:
             raise self._refusal("reset", f"a seed of {seed}: it is 0 or more")
+        try:
+            self._editing.reset(seed)
+        except InnerModelError as exc:
+            raise self._refusal("reset", str(exc)) from exc
         self.settle()
-        self.world.reset(seed)
 
     def Simulation_setPhysics(self, on: bool) -> None:
         """Switch physics on or off."""
