@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from .leftovers import pytest_runtest_call as pytest_runtest_call
+from .leftovers import pytest_runtest_teardown as pytest_runtest_teardown
 from .remembered import remember
 
 # How long an example takes is decided by what else runs on the machine.

@@ -16,6 +16,8 @@ from robocomp_py.cli.common import command, print_table
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.cli.rcgen import main as rcgen
 
+from ..leftovers import killed_on_failure
+
 COMMANDS = {"rc": ["robocomp_py.cli.rc", "lint", "--json"], "rcgen": ["robocomp_py.cli.rcgen", "--check"]}
 PROGRAMS = pytest.mark.parametrize("program", COMMANDS)
 SIGNALS = pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
@@ -85,7 +87,7 @@ raise SystemExit(main())
 )
 def test_a_signal_ends_a_command_without_a_traceback(number: signal.Signals, code: int) -> None:
     command = [sys.executable, "-c", WAITING]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
         assert running.stdout.readline() == "there\n"
         running.send_signal(number)

@@ -19,6 +19,7 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
+from ..leftovers import killed_on_failure
 from ..runtime.test_run import make, running
 from ..tools.talkers import Talker
 
@@ -175,7 +176,7 @@ def test_a_declared_exception_is_told_to_machines(talker: object, capsys: Said) 
 def test_a_command_that_goes_on_ends_by_a_signal(talker: object, arguments: tuple[str, ...]) -> None:
     command = [sys.executable, "-m", "robocomp_py.cli.rc", *arguments, "--json"]
     for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout
             assert process.stderr
             assert json.loads(process.stdout.readline())

@@ -16,11 +16,13 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.testing.patience import SOON
 
+from ..leftovers import killed_on_failure
+
 COMMAND = [sys.executable, "-m", "robocomp_py.cli.rc", "monitor", "--middleware", "shm"]
 
 
 def test_it_prints_the_address_of_a_page_and_ends_with_an_interrupt() -> None:
-    with subprocess.Popen([*COMMAND, "--json"], stdout=subprocess.PIPE, text=True) as process:
+    with killed_on_failure([*COMMAND, "--json"], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         url = urlsplit(json.loads(process.stdout.readline())["url"])
         with closing(HTTPConnection(url.netloc, timeout=SOON)) as connection:

@@ -18,6 +18,7 @@ from robocomp_py.contract.component import Component
 from robocomp_py.runtime.commandline import parser_of, read_plain
 
 from ..codegen.generated import model_in, snapshot
+from ..leftovers import killed_on_failure
 
 Said = pytest.CaptureFixture[str]
 
@@ -376,7 +377,7 @@ def test_ctrl_c_ends_a_component_as_a_program_quietly(tmp_path: Path) -> None:
     """A new component, as its author runs it for the first time."""
     assert rcgen(["--new", "Hello", "-o", str(tmp_path / "hello")]) == 0
     command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(tmp_path / "hello")]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ) as running:
+    with killed_on_failure(command, stderr=subprocess.PIPE, text=True, env=os.environ) as running:
         assert running.stderr
         lines = []
         for line in running.stderr:

@@ -19,6 +19,7 @@ from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.shm.room import prefix
 
+from ..leftovers import killed_on_failure
 from .programs import Program, alive, network_of, running
 
 Said = pytest.CaptureFixture[str]
@@ -467,7 +468,7 @@ def test_on_a_terminal_states_are_shown_live(folder: Path) -> None:
     master, slave = pty.openpty()
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", str(folder / "net.ddsl"), "--for", "0.2"]
     seen = b""
-    with subprocess.Popen(command, stdout=slave, stderr=slave, env=os.environ | {"TERM": "xterm-256color"}) as process:
+    with killed_on_failure(command, stdout=slave, stderr=slave, env=os.environ | {"TERM": "xterm-256color"}) as process:
         os.close(slave)
         while True:
             try:

@@ -20,6 +20,7 @@ from robocomp_py.deploy.place import Place
 from robocomp_py.deploy.ring import Line
 from robocomp_py.testing.patience import SOON, wait_until
 
+from ..leftovers import killed_on_failure
 from .losing import UNHEARD, run_losing
 from .programs import network_of
 
@@ -105,11 +106,8 @@ def test_what_an_agent_has_done_can_be_read_and_followed_while_it_runs(house: Ru
     logs = Logs(Place("house").logs)
     logs.write(Line(time.time(), AGENT, "INFO: begins"))
     logs.write(Line(time.time(), AGENT, "WARNING: call: refused"))
-    with subprocess.Popen(
-        [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "house", "rc-mcp", "-f"],
-        text=True,
-        stdout=subprocess.PIPE,
-    ) as following:
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "house", "rc-mcp", "-f"]
+    with killed_on_failure(command, text=True, stdout=subprocess.PIPE) as following:
         assert following.stdout
         assert [following.stdout.readline().partition(" | ")[2] for _ in range(2)] == [
             "INFO: begins\n",
@@ -244,7 +242,7 @@ def test_following_logs_shows_output_until_the_end_and_down_waits_for_it(tmp_pat
     )
     assert run("up", "--detach", path).returncode == 0
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "-f", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as following:
+    with killed_on_failure(command, stdout=subprocess.PIPE, text=True) as following:
         assert following.stdout is not None
         heard = [following.stdout.readline()]
         while "prints | one" not in heard[-1]:
@@ -293,7 +291,7 @@ def test_a_network_that_is_stopped_before_it_is_up_does_not_count_as_running(tmp
     (tmp_path / "broken.sh").write_text("#!/no/such/interpreter\n")
     path.write_text(path.read_text().replace("early {", "early { restart always(delay 600, max_delay 600);"))
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "up", "--detach", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as starting:
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as starting:
         assert starting.stdout is not None
         while "started again in" not in starting.stdout.readline():
             assert starting.poll() is None

@@ -16,6 +16,8 @@ import pytest
 from robocomp_py.cli.rc import main as rc
 from robocomp_py.testing.patience import SOON
 
+from ..leftovers import killed_on_failure
+
 SCENE = '<innerModel><plane id="floor" size="4000,10,4000"/></innerModel>'
 
 
@@ -29,7 +31,7 @@ def scene(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("action", ["view", "edit"])
 def test_it_prints_the_address_of_a_page_and_ends_with_an_interrupt(scene: Path, action: str) -> None:
     command = [sys.executable, "-m", "robocomp_py.cli.rc", "sim", action, str(scene)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
         url = urlsplit(process.stdout.readline().strip())
         with closing(HTTPConnection(url.netloc, timeout=SOON)) as connection:

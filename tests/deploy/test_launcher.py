@@ -30,6 +30,7 @@ from robocomp_py.deploy.plan import Process
 from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON, wait_until
 
+from ..leftovers import killed_on_failure
 from .told import Told
 
 FOREVER = "import signal; signal.pause()"
@@ -454,7 +455,7 @@ def test_a_process_that_cannot_be_reported_is_ended(request: pytest.FixtureReque
         "inproc",
         PADDING,
     )
-    with subprocess.Popen(command, pass_fds=numbers) as forks:
+    with killed_on_failure(command, pass_fds=numbers) as forks:
         wanted = {"id": 1, "name": "it", "arguments": ["--help"], "cwd": "/", "env": {}, "parent": os.getpid()}
         socket.send_fds(ours, [json.dumps({**wanted, "cgroup": "", "files": None}).encode()], [into])
         for each in (ours, theirs):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import os
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 from robocomp_py.deploy.launcher.usage import Meter
 from robocomp_py.testing.patience import wait_until
+
+from ..leftovers import killed_on_failure
 
 ME = {"me": (os.getpid(), None)}
 
@@ -52,7 +53,7 @@ def test_one_of_many_that_was_started_again_has_the_memory_of_the_new_process() 
     many = {f"n{number}": ME["me"] for number in range(100)}  # more than are measured in a few looks
     meter = Meter(slow(1000.0))
     before = meter.read({"it": ME["me"], **many})["it"].memory
-    with subprocess.Popen(["sleep", "600"]) as small:
+    with killed_on_failure(["sleep", "600"]) as small:
         wait_until(lambda: Path(f"/proc/{small.pid}/comm").read_text() == "sleep\n")
         after = meter.read({"it": (small.pid, None), **many})["it"].memory
         small.kill()

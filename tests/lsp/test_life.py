@@ -15,6 +15,7 @@ from pygls.exceptions import JsonRpcException
 
 from robocomp_py.testing.patience import SOON
 
+from ..leftovers import killed_on_failure
 from .conftest import FILES, write_project
 from .editor import COMMAND, Editor, position
 
@@ -29,7 +30,9 @@ def test_an_editor_that_vanishes_leaves_no_process(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_it(number: signal.Signals) -> None:
-    with started() as process:
+    with killed_on_failure(
+        COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
         assert process.stdin
         assert process.stdout
         process.stdin.write(message(id=1, method="initialize", params={"capabilities": {}}))
@@ -99,10 +102,6 @@ def test_without_its_library_it_says_what_to_install(tmp_path: Path) -> None:
 def test_what_is_no_message_is_complained_about_on_stderr_only() -> None:
     done = subprocess.run(COMMAND, input=b"hello\r\n\r\n", capture_output=True, check=False)
     assert done.stdout == b""
-
-
-def started() -> subprocess.Popen[bytes]:
-    return subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
 
 def message(**content: object) -> bytes:

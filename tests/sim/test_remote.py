@@ -24,6 +24,8 @@ from robocomp_py.sim.world import World
 from robocomp_py.testing.components import ComponentTest, load_component
 from robocomp_py.testing.patience import wait_until
 
+from ..leftovers import killed_on_failure
+
 pytestmark = pytest.mark.tool
 
 ROOM = """\
@@ -147,7 +149,7 @@ signal.pause()
 
 def test_the_process_ends_when_the_one_that_it_draws_for_is_killed(room: World, tmp_path: Path) -> None:
     command = [sys.executable, "-c", _DRAW, str(tmp_path / "room.xml")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as drawing:
+    with killed_on_failure(command, stdout=subprocess.PIPE, text=True) as drawing:
         assert drawing.stdout
         assert drawing.stdout.readline() == "drawn\n"
         (process,) = painters(drawing.pid)

@@ -371,9 +371,11 @@ def test_when_one_of_several_hosts_is_lost_the_others_are_heard_until_it_is_back
         cut = threading.Thread(target=cut_once_it_listens)
         cut.start()
         words = ("echo", "news", "--middleware", "shm", "--where", "text=late", "-n", "1", "--json")
-        with contextlib.redirect_stderr(complaints):
-            assert rc.main(list(words)) == UNREACHABLE
-        cut.join()
+        try:
+            with contextlib.redirect_stderr(complaints):
+                assert rc.main(list(words)) == UNREACHABLE
+        finally:
+            cut.join()
     assert json.loads(capsys.readouterr().out)["message"]["text"] == "late"
     assert complaints.getvalue() == (
         "rc echo: base is out of reach: its cable was cut; the others go on\nrc echo: base is heard again\n"
@@ -443,10 +445,12 @@ def test_a_host_that_was_out_of_reach_from_the_beginning_is_heard_once_it_is_the
 
         coming = threading.Thread(target=come_back)
         coming.start()
-        with contextlib.redirect_stderr(complaints):
-            words = ("--where", "text=late", "-n", "40", "--json", "--middleware", "shm")
-            assert rc.main(["echo", "news", *words]) == UNREACHABLE
-        coming.join()
+        words = ("--where", "text=late", "-n", "40", "--json", "--middleware", "shm")
+        try:
+            with contextlib.redirect_stderr(complaints):
+                assert rc.main(["echo", "news", *words]) == UNREACHABLE
+        finally:
+            coming.join()
     lines = map(json.loads, capsys.readouterr().out.splitlines())
     assert {each["host"] for each in lines} == {"", "base"}
 
@@ -480,9 +484,11 @@ def test_a_command_that_listens_ends_when_the_host_is_lost(capsys: pytest.Captur
 
         cut = threading.Thread(target=cut_once_it_listens)
         cut.start()
-        assert rc.main(["echo", "news", *THERE]) == UNREACHABLE
+        try:
+            assert rc.main(["echo", "news", *THERE]) == UNREACHABLE
+        finally:
+            cut.join()
         assert capsys.readouterr().err == "rc echo: base is out of reach: its cable was cut\n"
-        cut.join()
 
 
 @pytest.mark.usefixtures("talker")
@@ -660,9 +666,11 @@ def test_a_message_is_latched_on_another_host_until_its_end(own_runtime_folder: 
             target=publish, args=(access, topic, (-7, "map"), SOON), kwargs={"latched": True, "over": over}
         )
         keeping.start()
-        wait_until(lambda: len(take_census(["shm"]).topic("talker/Everything/news").providers) == 2)
-        over.set()
-        keeping.join(SOON)
+        try:
+            wait_until(lambda: len(take_census(["shm"]).topic("talker/Everything/news").providers) == 2)
+        finally:
+            over.set()
+            keeping.join(SOON)
         wait_until(lambda: len(take_census(["shm"]).topic("talker/Everything/news").providers) == 1)
 
 
@@ -697,9 +705,11 @@ def test_a_goal_ends_when_its_host_is_lost(
 
         cut = threading.Thread(target=cut_once_it_goes)
         cut.start()
-        assert rc.main(["action", "send", "fly", "target.x=1", "target.y=2", "steps=100000", *THERE]) == UNREACHABLE
+        try:
+            assert rc.main(["action", "send", "fly", "target.x=1", "target.y=2", "steps=100000", *THERE]) == UNREACHABLE
+        finally:
+            cut.join()
         assert capsys.readouterr().err == "rc action send: base is out of reach: its cable was cut\n"
-        cut.join()
 
 
 @pytest.mark.usefixtures("own_runtime_folder", "calculator")

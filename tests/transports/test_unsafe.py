@@ -17,6 +17,8 @@ from robocomp_py.testing.patience import SOON
 from robocomp_py.transports import unsafe
 from robocomp_py.transports.inotify import Watch
 
+from ..leftovers import killed_on_failure
+
 PRIVATE = ("_inotify_init1", "_inotify_add_watch", "_prctl", "_ensure", "_release", "_inc_ref")
 MISSING: Any = None
 
@@ -60,7 +62,7 @@ input()
 
 
 def test_a_child_ends_with_its_parent() -> None:
-    with subprocess.Popen([sys.executable, "-c", PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+    with killed_on_failure([sys.executable, "-c", PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout
         child = os.pidfd_open(int(parent.stdout.readline()))
         try:

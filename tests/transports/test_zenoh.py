@@ -590,14 +590,16 @@ def test_a_late_subscriber_gets_each_latched_message_once_and_in_order_under_tra
 
     publishing = threading.Thread(target=publish)
     publishing.start()
-    for _ in range(10):
-        heard: list[int] = []
-        link = other.inlet(topic("a/b/c", LATCHED), lambda p, heard=heard: heard.append(int(unblob(other, p))))
-        wait_until(lambda heard=heard: len(heard) > 20)
-        link.close()
-        assert heard == list(range(heard[0], heard[0] + len(heard)))
-    stop.set()
-    publishing.join()
+    try:
+        for _ in range(10):
+            heard: list[int] = []
+            link = other.inlet(topic("a/b/c", LATCHED), lambda p, heard=heard: heard.append(int(unblob(other, p))))
+            wait_until(lambda heard=heard: len(heard) > 20)
+            link.close()
+            assert heard == list(range(heard[0], heard[0] + len(heard)))
+    finally:
+        stop.set()
+        publishing.join()
 
 
 def test_history_is_asked_for_once_what_follows_it_is_heard(
@@ -916,13 +918,15 @@ def test_calls_under_way_end_when_the_router_is_closed_and_later_ones_are_answer
     callers = [threading.Thread(target=call_on, args=(number,)) for number in range(4)]
     for each in callers:
         each.start()
-    wait_until(lambda: all(answered))
-    host.close()
-    before = list(answered)
-    wait_until(lambda: all(now > then for now, then in zip(answered, before, strict=True)))
-    stop.set()
-    for each in callers:
-        each.join()
+    try:
+        wait_until(lambda: all(answered))
+        host.close()
+        before = list(answered)
+        wait_until(lambda: all(now > then for now, then in zip(answered, before, strict=True)))
+    finally:
+        stop.set()
+        for each in callers:
+            each.join()
     assert [exc for exc in failed if not isinstance(exc, Unreachable)] == []
     here.close()
     there.close()

@@ -167,10 +167,12 @@ def test_a_thread_that_waits_is_outside_the_monitor(house: House, scene: Callabl
     wait, end = scene(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out, what="it waits")
-    assert waiting.is_alive()
-    end()
-    waiting.join(SOON)
+    try:
+        wait_until(lambda: waiting.ident in house.out, what="it waits")
+        assert waiting.is_alive()
+    finally:
+        end()
+        waiting.join(SOON)
     assert not waiting.is_alive()
     assert not house.out
 
@@ -259,9 +261,11 @@ def test_waiting_for_a_condition_releases_a_lock_that_was_taken_repeatedly(house
     wait, notify = condition(house)
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out and not house.taken, what="it waits, and no lock is taken")
-    notify()
-    waiting.join(SOON)
+    try:
+        wait_until(lambda: waiting.ident in house.out and not house.taken, what="it waits, and no lock is taken")
+    finally:
+        notify()
+        waiting.join(SOON)
     assert not waiting.is_alive()
     assert house.taken == 0
 
@@ -279,10 +283,12 @@ def test_a_condition_wait_that_timed_out_consumes_no_notification(house: House) 
         made.wait()
     waiting = threading.Thread(target=wait)
     waiting.start()
-    wait_until(lambda: waiting.ident in house.out, what="it waits")
-    with made:
-        made.notify()
-    waiting.join(SOON)
+    try:
+        wait_until(lambda: waiting.ident in house.out, what="it waits")
+    finally:
+        with made:
+            made.notify()
+        waiting.join(SOON)
     assert heard == [True]
 
 

@@ -403,10 +403,12 @@ def test_a_thread_waits_for_a_mutex_outside(component: Component, QtCore: Any) -
 
     thread = threading.Thread(target=want)
     thread.start()
-    component.run_until(lambda: component.outside == 1)
-    assert not got.is_set()
-    mutex.unlock()
-    thread.join()
+    try:
+        component.run_until(lambda: component.outside == 1)
+        assert not got.is_set()
+    finally:
+        mutex.unlock()
+        thread.join()
     assert got.is_set()
     assert component.outside == 0
 
