@@ -24,6 +24,10 @@ MOST_DEPTH = 200
 """The deepest nesting of nodes; files of real robots have at most 40."""
 
 
+Value = float | int | bool | str | tuple[float, ...]
+"""Of an attribute."""
+
+
 class Kind(Enum):
     """What the text of an attribute is."""
 
@@ -48,7 +52,7 @@ CHOICES: Mapping[Kind, tuple[str, ...]] = {
 class Attribute:
     name: str
     kind: Kind
-    default: float | int | bool | str | tuple[float, ...]
+    default: Value
     text: str
     """What it means, for editors."""
 

@@ -1,11 +1,20 @@
-"""Reads the numbers in attributes of a scene. For a text that is no number, it proposes one."""
+"""Checks the values of attributes. For a text that is no number, it proposes one."""
 
 from __future__ import annotations
 
 import math
 import re
 
-from .nodes import Attribute, Kind
+from .nodes import CHOICES, Attribute, Kind, Value
+
+_NEVER_NEGATIVE = frozenset(("width", "height", "measures", "port", "noise", "mass", "focal", "length"))
+"""Attributes that may not be negative."""
+
+_HIGHEST_PORT = 65535
+_MOST_PIXELS = 16384
+_MOST_NUMBERS = 3
+
+_NEVER_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 _LOOK_ALIKE = str.maketrans(
     {"O": "0", "o": "0", "l": "1", "I": "1", "\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "_": ""}
@@ -34,6 +43,48 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return text.isascii() and "_" not in text
+
+
+def amiss(attribute: Attribute, value: Value, text: str) -> str:
+    """What is wrong with a value of an attribute, which is written as `text`; "" if nothing is wrong."""
+    match attribute.kind:
+        case Kind.NUMBER | Kind.COUNT:
+            return _amiss_in_number(attribute, value, text)
+        case Kind.NUMBERS:
+            return _amiss_in_numbers(attribute, value if isinstance(value, tuple) else (value,), text)
+        case Kind.FLAG:
+            return "" if value in (0, 1) else f"is {attribute.kind.value}, not `{text}`"
+        case Kind.AXIS | Kind.ENGINE | Kind.RENDER:
+            return "" if value in CHOICES[attribute.kind] else f"is {attribute.kind.value}, not `{text}`"
+        case Kind.TEXT:
+            if not isinstance(value, str):
+                return f"is a text, not `{text}`"
+            return "has characters that no XML file can have" if _NEVER_IN_XML.search(value) else ""
+
+
+def _amiss_in_number(attribute: Attribute, value: Value, text: str) -> str:
+    name = attribute.name
+    if not isinstance(value, (int, float)):
+        return f"is {attribute.kind.value}, not `{text}`"
+    if math.isnan(value) or (math.isinf(value) and name not in ("min", "max")):
+        return f"is `{text}`, which is no finite number"
+    if value < 0 and name in _NEVER_NEGATIVE:
+        return "is negative"
+    most = _HIGHEST_PORT if name == "port" else _MOST_PIXELS if name in ("width", "height") else 2**31 - 1
+    if attribute.kind is Kind.COUNT and (value != int(value) or value > most):
+        return f"is a whole number of at most {most}, not `{text}`"
+    return ""
+
+
+def _amiss_in_numbers(attribute: Attribute, values: tuple[Value, ...], text: str) -> str:
+    numbers = [each for each in values if isinstance(each, (int, float))]
+    if len(numbers) < len(values) or not values:
+        return f"is {attribute.kind.value}, not `{text}`"
+    if not all(map(math.isfinite, numbers)):
+        return f"is `{text}`, which has a number that is not finite"
+    if len(numbers) > _MOST_NUMBERS:
+        return f"has {len(numbers)} numbers; at most {_MOST_NUMBERS} are allowed"
+    return "is 0 for an axis, which leaves nothing of a mesh" if attribute.name == "scale" and 0 in numbers else ""
 
 
 def written(number: float) -> str:

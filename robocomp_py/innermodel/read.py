@@ -16,8 +16,8 @@ from xml.parsers import expat
 
 from ..errors import RobocompError
 from ..spelling import closest
-from .nodes import CHOICES, INCLUDE, MOST_DEPTH, ROOT, TAGS, Attribute, Kind, Tag
-from .numbers import is_number, remedy
+from .nodes import INCLUDE, MOST_DEPTH, ROOT, TAGS, Attribute, Kind, Tag, Value
+from .numbers import amiss, is_number, remedy
 
 MOST_BYTES = 4 * 1024 * 1024
 """Octets of a file; the largest known one has 60,000."""
@@ -30,8 +30,6 @@ MOST_INCLUDES = 16
 
 ROOT_ID = "root"
 """The id of the root, which no element may have."""
-
-Value = float | int | bool | str | tuple[float, ...]
 
 
 def number_of(value: Value) -> float:
@@ -446,12 +444,6 @@ def _spans(data: bytes, start: int, end: int) -> dict[str, tuple[int, int]]:
 _SHORT_NAMES = {"x": "tx", "y": "ty", "z": "tz"}
 """How the first publications about InnerModel write a translation."""
 
-_NEVER_NEGATIVE = frozenset(("width", "height", "measures", "port", "noise", "mass", "focal", "length"))
-"""Attributes that may not be negative."""
-
-_HIGHEST_PORT = 65535
-_MOST_PIXELS = 16384
-
 
 class _Values:
     """Turns the texts of the attributes of one element into values."""
@@ -499,35 +491,35 @@ class _Values:
             case Kind.NUMBERS:
                 return self._numbers(attribute, text, name)
             case Kind.FLAG:
-                if text.strip().lower() in ("true", "false"):
-                    return text.strip().lower() == "true"
-                return self._number(attribute, text.strip(), name) > 0
+                return self._flag(attribute, text.strip(), name)
             case Kind.AXIS | Kind.ENGINE | Kind.RENDER:
                 return self._choice(attribute, text.strip().lower(), name)
             case Kind.TEXT:
                 return text
 
+    def _flag(self, attribute: Attribute, text: str, name: str) -> bool:
+        if text.lower() in ("true", "false"):
+            return text.lower() == "true"
+        value = self._float(attribute, text, name)
+        if not math.isfinite(value):
+            self._error("wrong-value", f"`{name}` is {attribute.kind.value}, not `{text}`", name)
+        elif value not in (0.0, 1.0):
+            message = f"`{name}` is `{text}`, which is neither 0 nor 1; it counts as {int(value > 0)}"
+            self._warning("read-otherwise", message, name, f"write {attribute.kind.value}")
+        return value > 0
+
     def _choice(self, attribute: Attribute, text: str, name: str) -> Value:
-        if text in CHOICES[attribute.kind]:
-            return text
-        self._error("wrong-value", f"`{name}` is {attribute.kind.value}, not `{text}`", name)
-        return attribute.default
+        if wrong := amiss(attribute, text, text):
+            self._error("wrong-value", f"`{name}` {wrong}", name)
+            return attribute.default
+        return text
 
     def _number(self, attribute: Attribute, text: str, name: str) -> float | int:
         value = self._float(attribute, text, name)
-        if math.isnan(value) or (math.isinf(value) and name not in ("min", "max")):
-            self._error("wrong-value", f"`{name}` is `{text}`, which is no finite number", name)
+        if wrong := amiss(attribute, value, text):
+            self._error("wrong-value", f"`{name}` {wrong}", name)
             return 0
-        if value < 0 and name in _NEVER_NEGATIVE:
-            self._error("wrong-value", f"`{name}` is negative", name)
-            return 0
-        if attribute.kind is not Kind.COUNT:
-            return value
-        most = _HIGHEST_PORT if name == "port" else _MOST_PIXELS if name in ("width", "height") else 2**31 - 1
-        if value != int(value) or value > most:
-            self._error("wrong-value", f"`{name}` is a whole number of at most {most}, not `{text}`", name)
-            return 0
-        return int(value)
+        return int(value) if attribute.kind is Kind.COUNT else value
 
     def _float(self, attribute: Attribute, text: str, name: str) -> float:
         if is_number(text):
@@ -546,18 +538,12 @@ class _Values:
             has = "is" if len(texts) == 1 else "has"
             message = f"`{name}` {has} {', '.join(wrong)}, which {'is' if len(wrong) == 1 else 'are'} {are} as 0"
             self._warning("read-otherwise", message, name, remedy(attribute, text))
-        if not all(map(math.isfinite, parts)):
-            self._error("wrong-value", f"`{name}` is `{text}`, which has a number that is not finite", name)
+        if lacks := amiss(attribute, tuple(parts), text):
+            self._error("wrong-value", f"`{name}` {lacks}", name)
             return (1.0,)
-        if len(parts) > 3:
-            self._error("wrong-value", f"`{name}` has {len(parts)} numbers; at most 3 are allowed", name)
-            parts = parts[:3]
         if name == "size" and min(parts) < 0:
             self._warning("read-otherwise", "a size is not negative; the minus has no effect", name)
             parts = [abs(each) for each in parts]
-        if name == "scale" and 0.0 in parts:
-            self._error("wrong-value", "a scale of 0 leaves nothing of a mesh", name)
-            return (1.0,)
         return tuple(parts)
 
     def _error(self, code: str, message: str, name: str) -> None:

@@ -23,7 +23,8 @@ from ..spelling import unknown
 from . import axes
 from .axes import Array
 from .camera import Lens, back_projected, laser_point, projected
-from .nodes import INCLUDE, ROOT, TAGS, Tag
+from .nodes import INCLUDE, ROOT, TAGS, Attribute, Kind, Tag, Value
+from .numbers import amiss
 from .read import (
     ROOT_ID,
     Element,
@@ -32,14 +33,13 @@ from .read import (
     Place,
     Problem,
     ReadFile,
-    Value,
     found_file,
     number_of,
     read,
     read_file,
     three_of,
 )
-from .write import Written, written
+from .write import Written, as_text, written
 
 _MOST_CACHED = 4096
 """Pairs of frames whose matrix is kept while nothing moves."""
@@ -348,10 +348,15 @@ class Tree:
             return node.position
 
     def set_value(self, name: str, attribute: str, value: Value) -> None:
-        """Set any attribute but the id, as the file would have it. Raises InnerModelError for one that is not there."""
-        if attribute == "id":
+        """Set any attribute but the id, as the file would have it. Raises as `set_values` does."""
+        self.set_values(name, {attribute: value})
+
+    def set_values(self, name: str, values: Mapping[str, Value]) -> None:
+        """Set some attributes. Raises InnerModelError for one that is not there, and for a value that no file can have;
+        then none is set."""
+        if "id" in values:
             raise InnerModelError("the id of a node cannot be changed")
-        self._update(name, {attribute: value})
+        self._update(name, values)
 
     def _set_joint(self, name: str, position: float, kind: str) -> float:
         if not math.isfinite(position):
@@ -369,13 +374,11 @@ class Tree:
     def _update(self, name: str, values: Mapping[str, Value]) -> None:
         with self._lock:
             node = self._found(name)
-            for attribute, value in values.items():
-                if attribute not in node.tag.attributes:
-                    known = node.tag.attributes
+            known = node.tag.attributes
+            for attribute in values:
+                if attribute not in known:
                     raise InnerModelError(f"`{name}`: {unknown(f'attribute of a {node.tag.name}', attribute, known)}")
-                if isinstance(value, (int, float)) and not math.isfinite(value) and attribute not in ("min", "max"):
-                    raise InnerModelError(f"`{name}`: `{attribute}` would be {value}")
-            node.values = {**node.values, **{key: _plain(value) for key, value in values.items()}}
+            node.values = {**node.values, **{key: _plain(name, known[key], value) for key, value in values.items()}}
             self._moved(node)
 
     # Changing the tree.
@@ -584,9 +587,19 @@ def _local(node: _Node, drops_offsets: bool) -> Array:
     return made
 
 
-def _plain(value: Value) -> Value:
-    """Numbers of numpy become those of Python."""
-    return value.item() if isinstance(value, np.generic) else value
+def _plain(node: str, attribute: Attribute, value: Value) -> Value:
+    """The value of an attribute as a file would give it; numbers of numpy become those of Python.
+
+    Raises InnerModelError for a value that no file can have.
+    """
+    made: Value
+    if isinstance(value, (list, tuple, np.ndarray)):
+        made = tuple(each.item() if isinstance(each, np.generic) else each for each in value)
+    else:
+        made = value.item() if isinstance(value, np.generic) else value
+    if wrong := amiss(attribute, made, as_text(made)):
+        raise InnerModelError(f"`{node}`: `{attribute.name}` {wrong}")
+    return int(made) if attribute.kind is Kind.COUNT and isinstance(made, float) else made
 
 
 def _every(node: _Node) -> Iterator[_Node]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from .nodes import INCLUDE, ROOT, Tag
-from .read import Document, Element, Model, Value, every
+from .nodes import INCLUDE, ROOT, Tag, Value
+from .read import Document, Element, Model, every
 
 NEW = Path("new.xml")
 """The path under which the text of a tree is given that was not read from a file."""
@@ -168,7 +168,7 @@ def _attributes(node: Written) -> Iterator[str]:
 
 
 def _escaped(value: Value) -> str:
-    return escape(as_text(value), {'"': "&quot;", "'": "&apos;", "\n": "&#10;", "\t": "&#9;"})
+    return escape(as_text(value), {'"': "&quot;", "'": "&apos;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 def _quoted(value: Value, document: Document) -> bytes:

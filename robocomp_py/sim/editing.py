@@ -20,8 +20,8 @@ from ..errors import RobocompError
 from ..innermodel import axes
 from ..innermodel.axes import Array
 from ..innermodel.mesh import read_mesh
-from ..innermodel.nodes import TAGS
-from ..innermodel.read import MOST_NODES, ROOT_ID, InnerModelError, Value, number_of, numbers_of
+from ..innermodel.nodes import TAGS, Value
+from ..innermodel.read import MOST_NODES, ROOT_ID, InnerModelError, number_of, numbers_of
 from ..innermodel.tree import Node, Tree
 from ..spelling import unknown
 from .build import build
@@ -188,6 +188,11 @@ class Editing:
         found: Array = axes.inverse(self._where(base)) @ self._where(item)
         return found
 
+    def point(self, base: str, item: str, point: Sequence[float]) -> tuple[float, ...]:
+        """A point of the frame `item`, seen from `base`: x, y, z."""
+        made: Array = self.matrix(base, item) @ (*_finite(point), 1.0)
+        return tuple(made[:3].tolist())
+
     def pose(self, base: str, item: str) -> tuple[float, ...]:
         """The pose of a node, seen from `base`: x, y, z, rx, ry, rz."""
         return _numbers(self.matrix(base, item))
@@ -202,8 +207,10 @@ class Editing:
         if node.tag not in ("plane", "display"):
             raise EditError("OperationInvalidNode", f"`{item}` is a {node.tag}, not a plane")
         with _Checked(self, item):
-            for key, value in values.items():
-                self._change().set_value(item, key, value)
+            try:
+                self._change().set_values(item, values)
+            except InnerModelError as exc:
+                raise EditError("InvalidValues", str(exc)) from exc
 
     def set_scale(self, item: str, scale: Sequence[float]) -> None:
         """Set the scale of a shape from a file."""

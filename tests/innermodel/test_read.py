@@ -66,6 +66,7 @@ def test_missing_values_have_defaults(tmp_path: Path) -> None:
         ("plane", 'collide="Yes"', "did you mean `1`?"),
         ("plane", 'collide="off"', "did you mean `0`?"),
         ("plane", 'collide="maybe"', "write 0 or 1"),
+        ("plane", 'collide="2"', "write 0 or 1"),
         ("transform", 'ty="20O"', "did you mean `200`?"),
         ("transform", 'ty="0,5"', "did you mean `0.5`?"),
         ("transform", 'ty="1_000"', "did you mean `1000`?"),

@@ -54,7 +54,7 @@ def pose(house: ComponentTest, *numbers: float) -> Any:
     return made(house, "Pose3D", **dict(zip(("x", "y", "z", "rx", "ry", "rz"), numbers, strict=False)))
 
 
-def plane(house: ComponentTest, **values: float) -> Any:
+def plane(house: ComponentTest, **values: float | str) -> Any:
     return made(house, "Plane3D", **{"width": 100.0, "height": 100.0, "thickness": 10.0, **values})
 
 
@@ -192,6 +192,10 @@ MISTAKES: list[tuple[str, str, tuple[Any, ...], str]] = [
     ("InvalidValues", "setPoseFromParent", ("tilt", "shifted"), "cannot be moved"),
     ("InvalidValues", "addTransform", ("", "static", "world", "pose"), "'' is no id"),
     ("InvalidValues", "addPlane", ("a", "world", "flat"), "more than 0 each"),
+    ("InvalidValues", "addPlane", ("a", "world", "dressed"), "`texture` has characters that no XML file can have"),
+    ("InvalidValues", "setPlane", ("wall", "dressed"), "`texture` has characters that no XML file can have"),
+    ("InvalidValues", "addJoint", ("a", "world", "joint"), "`port` is a whole number of at most 65535, not `99999`"),
+    ("InvalidValues", "transform", ("world", "base", "point"), "nan is no length"),
     ("OperationInvalidNode", "addTransform", ("a", "static", "wall", "pose"), "has no children"),
     ("OperationInvalidNode", "setPlane", ("stand", "plane"), "not a plane"),
     ("OperationInvalidNode", "setScale", ("wall", 1.0, 1.0, 1.0), "not a mesh"),
@@ -210,6 +214,9 @@ def test_what_cannot_be_is_refused_with_its_code_and_changes_nothing(house: Comp
         "shifted": pose(house, 100),
         "plane": plane(house),
         "flat": plane(house, height=0.0),
+        "dressed": plane(house, texture="\x01"),
+        "joint": made(house, "jointType", pose=pose(house), min=0.0, max=1.0, axis="x", port=99999),
+        "point": made(house, "coord3D", x=math.nan),
         "mesh": made(house, "meshType", scaleX=1.0, scaleY=1.0, scaleZ=1.0, meshPath="cup.obj"),
     }
     tick(house)

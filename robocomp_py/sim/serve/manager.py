@@ -118,8 +118,7 @@ class Managed(Worker[Any]):
     def InnerModelManager_transform(self, base: str, item: str, coordInItem: Any) -> tuple[bool, Any]:
         """A point of the frame `item`, seen from `base`."""
         with self._declared("transform"):
-            matrix = self._editing.matrix(base, item)
-        x, y, z, _ = (matrix @ (coordInItem.x, coordInItem.y, coordInItem.z, 1.0)).tolist()
+            x, y, z = self._editing.point(base, item, (coordInItem.x, coordInItem.y, coordInItem.z))
         return True, filled(self._output("transform", 1), {"x": x, "y": y, "z": z})
 
     def InnerModelManager_getTransformationMatrix(self, base: str, item: str) -> Any:

@@ -20,8 +20,8 @@ from ...errors import RobocompError
 from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.mesh import read_mesh
-from ...innermodel.nodes import TAGS
-from ...innermodel.read import ROOT_ID, InnerModelError, Value, found_file, number_of, read, read_file
+from ...innermodel.nodes import TAGS, Value
+from ...innermodel.read import ROOT_ID, InnerModelError, found_file, number_of, read, read_file
 from ...innermodel.tree import Node, Tree
 
 Write = Callable[[Path, bytes], None]
