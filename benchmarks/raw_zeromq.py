@@ -16,7 +16,7 @@ import numpy as np
 import zmq
 
 from robocomp_py.transports.zeromq.sockets import new_socket, receive_frames
-from robocomp_py.wire.messagepack import APART
+from robocomp_py.wire.packed_arrays import APART
 
 from .parties import PATIENCE, Array, Hear, Place
 

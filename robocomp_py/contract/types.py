@@ -183,7 +183,7 @@ class Sequence:
         """The array's dtype, or None where the sequence is a Python list."""
         if self.records:
             return self.item.dtype if isinstance(self.item, Struct) else None
-        return dtypes().get(self.item) if isinstance(self.item, Primitive) else None
+        return dtypes()[self.item] if isinstance(self.item, Primitive) and self.item.in_arrays else None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@
     enum        int32 · time: int32 seconds, uint32 nanoseconds · an empty struct: one octet
 
 Compiled code packs runs of fixed-size fields by one `struct` call. Because alignment depends on
-where a run begins, there are eight layouts of each run, chosen by `n & 7`.
+where a run begins, there are eight layouts of each run, chosen by `n & 7`. What needs numpy is imported
+for messages that have arrays.
 """
 
 from __future__ import annotations
@@ -32,13 +33,12 @@ from ..contract.types import (
 )
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .columns import ColumnDictionary, has_columns
+from .flat import flat_records, records
 from .items import Left
-from .layouts import CdrRecords
 from .program import Leaf, leaves_of
-from .records import flat_records, records
 from .rows import Columns, unpacked
 from .serial import NUMBERS, Reading, Writing, check_count
-from .values import as_array, as_dict, as_list, as_str, view_of
+from .values import as_dict, as_list, as_str
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 TAIL = bytes(4)
@@ -191,12 +191,16 @@ class _EncodeProgram(Writing):
             case Struct():
                 self._call(kind, x)
             case Sequence(Struct() as item, records=True):
+                from .layouts import CdrRecords
+
                 array = p.fresh()
                 p.line(f"{array} = {p.name(records(item).taken)}({x})")
                 self._run("I", f"{array}.size")
                 self._end_run()
                 p.line(f"n = {p.name(CdrRecords(item).write)}({array}, n, add)")
             case Sequence() if kind.dtype is not None:
+                from .arrays import as_array
+
                 array = p.fresh()
                 p.line(f"{array} = {p.name(as_array)}({x}, {p.name(kind.dtype)})")
                 self._run("I", f"{array}.size")
@@ -215,6 +219,8 @@ class _EncodeProgram(Writing):
                     return
                 with p.block(f"if type({items}) is list"):
                     self._items(item, items)
+                from .layouts import CdrRecords
+
                 with p.block("else"):
                     p.line(f"n = {p.name(CdrRecords(flat.kind).write)}({items}, n, add)")
             case Dictionary(key, item):
@@ -310,10 +316,14 @@ class _DecodeProgram(Reading):
                 self._end_run()
                 p.line(f"{result} = {p.name(_text)}(data, n, {length}); n += {length}")
             case Sequence(Struct() as item, records=True):
+                from .layouts import CdrRecords
+
                 (count,) = self._run("I")
                 self._end_run()
                 p.line(f"{result}, n = {p.name(CdrRecords(item, _ORIGIN).read)}(data, n, {count})")
             case Sequence() if kind.dtype is not None:
+                from .arrays import view_of
+
                 (count,) = self._run("I")
                 self._end_run()
                 if kind.dtype.itemsize == 8:

@@ -22,8 +22,9 @@ from ..contract.types import (
     Struct,
     Type,
 )
+from .arrays import as_array
 from .records import is_structured, records
-from .values import RANGES, as_array, as_bool, as_float, as_float32, as_int, as_list, as_member, as_str, as_tuple
+from .values import RANGES, as_bool, as_float, as_float32, as_int, as_list, as_member, as_str, as_tuple
 
 
 def explain(message: Struct, values: Any) -> str | None:

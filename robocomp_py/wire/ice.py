@@ -40,14 +40,15 @@ from ..contract.types import (
     Type,
     thrown,
 )
+from .arrays import as_array, view_of
 from .codec import MAX_BYTES, Decoder, Encoder, Payload, check_size, refused, unreadable
+from .flat import flat_records, records
 from .items import MAX_ITEMS, Left, take_items
 from .layouts import IceRecords
 from .program import Leaf, leaves_of
-from .records import flat_records, records
 from .rows import FEW, Columns, packed, unpacked
 from .serial import NUMBERS, Reading, Writing
-from .values import RANGES, as_array, as_dict, as_int, as_list, as_str, view_of
+from .values import RANGES, as_dict, as_int, as_list, as_str
 
 _HEAD = "iH"
 """The size of an encapsulation and its encoding."""

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..contract.types import Struct
+from .arrays import snapshot
 from .codec import MAX_BYTES, Decoder, Encoder, check_size, refused, unreadable
 from .plain import Frames, compile_planter, compile_reader
-from .values import snapshot
 
 
 class Identity:

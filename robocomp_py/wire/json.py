@@ -9,6 +9,8 @@
 
 Structs may be of any form in Python when they are shown, and are tuples of their fields when they are read: the types
 are those of `contract.told`, which have no classes.
+
+numpy is imported only for what has its types, since its import takes longer than all else that a tool needs.
 """
 
 from __future__ import annotations
@@ -16,10 +18,9 @@ from __future__ import annotations
 import base64
 import binascii
 import math
+import sys
 from collections.abc import Sequence as Items
 from typing import Any
-
-import numpy as np
 
 from ..contract.types import (
     BOOL,
@@ -39,10 +40,14 @@ from ..contract.types import (
     spell,
 )
 from ..spelling import closest
+from .values import as_float32
 
 _NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
-FLOAT64_MAX = float(np.finfo(np.float64).max)
+FLOAT64_MAX = sys.float_info.max
+
+_FLOAT32_NORMAL = 2.0**-126
+"""Smaller numbers have fewer digits as a float32."""
 
 _WIDEST = 8
 """Maximum number of fields that a message to people names."""
@@ -61,7 +66,7 @@ def show(kind: Type, value: Any) -> Any:
     """A value as `json.dumps` takes it."""
     match kind:
         case Struct(fields=fields):
-            if isinstance(value, np.void):
+            if isinstance(value, _of_numpy("void")):
                 return show_fields(fields, value.item())
             if isinstance(value, tuple):
                 return show_fields(fields, value)
@@ -69,7 +74,7 @@ def show(kind: Type, value: Any) -> Any:
         case Sequence(item) if item is UINT8:
             return base64.b64encode(bytes(value)).decode()
         case Sequence(item):
-            if isinstance(value, np.ndarray) and value.dtype.names is None and item not in FLOATS:
+            if isinstance(value, _of_numpy("ndarray")) and value.dtype.names is None and item not in FLOATS:
                 return value.tolist()
             return [show(item, each) for each in value]
         case Dictionary(key, item):
@@ -81,12 +86,32 @@ def show(kind: Type, value: Any) -> Any:
 
 
 def _show_primitive(kind: Primitive, value: Any) -> Any:
-    plain = value.item() if isinstance(value, np.generic) else value
+    plain = value.item() if type(value) not in _PLAIN and isinstance(value, _of_numpy("generic")) else value
     if kind not in FLOATS:
         return plain
     if not math.isfinite(plain):
         return next(name for name, number in _NOT_FINITE.items() if number == plain or plain != plain)
-    return float(str(np.float32(plain))) if kind is FLOAT32 else float(plain)  # 0.1, and not 0.10000000149011612
+    return _short(plain) if kind is FLOAT32 else float(plain)
+
+
+_PLAIN = frozenset({bool, int, float, str})
+
+
+def _of_numpy(name: str) -> Any:
+    """A class of numpy's. Before numpy is imported, no value is of its classes; then this is ()."""
+    return getattr(sys.modules.get("numpy"), name, ())
+
+
+def _short(value: float) -> float:
+    """The number with the fewest digits that is rounded to this float32: 0.1, and not 0.10000000149011612."""
+    if single := _of_numpy("float32"):
+        return float(str(single(value)))
+    rounded = as_float32(value)
+    for digits in range(6 if abs(value) >= _FLOAT32_NORMAL else 1, 9):
+        short = float(f"{rounded:.{digits}g}")
+        if abs(short) < FLOAT32_LIMIT and as_float32(short) == rounded:
+            return short
+    return float(f"{rounded:.9g}")
 
 
 def _show_key(kind: Type, value: Any) -> str:
@@ -118,6 +143,8 @@ def take(kind: Type, given: Any, what: str) -> Any:
         case Struct(fields=fields):
             return take_fields(fields, given, what)
         case Sequence(item) if item is UINT8 and isinstance(given, str):
+            import numpy as np
+
             try:
                 return np.frombuffer(base64.b64decode(given, validate=True), np.uint8)
             except binascii.Error as exc:
@@ -126,7 +153,11 @@ def take(kind: Type, given: Any, what: str) -> Any:
             if not isinstance(given, list):
                 raise Unfit(f"{what}: {_described(given)} is given; it takes an array of {_word(item)}")
             items = [take(item, each, f"{what}[{place}]") for place, each in enumerate(given)]
-            return items if kind.dtype is None else np.array(items, kind.dtype)
+            if kind.dtype is None:
+                return items
+            import numpy as np
+
+            return np.array(items, kind.dtype)
         case Dictionary(key, item):
             if not isinstance(given, dict):
                 raise Unfit(f"{what}: {_described(given)} is given; it takes an object")

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contract.types import UINT16, UINT32, Enumeration, Primitive, Struct
+from .arrays import read_only
 from .records import Records, records
-from .values import RANGES, read_only
+from .values import RANGES
 
 _Array = np.ndarray[Any, np.dtype[Any]]
 

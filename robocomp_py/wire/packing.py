@@ -34,10 +34,10 @@ from ..contract.types import (
     children,
 )
 from .codec import Decoder, Encoder, check_size, refused
+from .flat import flat_records, records
 from .items import MAX_ITEMS, check_items, counter, take_items
 from .plain import Frames, compile_planter
 from .program import Program, is_fixed, is_loop
-from .records import flat_records, records
 from .rows import FEW, Columns, packed, unpacked
 from .values import RANGES, as_bool, as_dict, as_int, as_list, as_str
 
@@ -120,14 +120,19 @@ def _read_here(kind: Type) -> Iterator[Type | None]:
 def _is_for_library(kind: Type) -> bool:
     """Whether the library packs such values faster than a Python loop: they are neither arrays nor rows."""
     is_rows = isinstance(kind, Sequence) and isinstance(kind.item, Struct) and is_fixed(kind.item)
-    return is_loop(kind) and not is_rows and not _has_arrays(kind, set())
+    return is_loop(kind) and not is_rows and not has_arrays(kind)
+
+
+def has_arrays(kind: Type) -> bool:
+    """Whether a value of this type may have arrays of numpy in it."""
+    return _has_arrays(kind, set())
 
 
 def _has_arrays(kind: Type, seen: set[int]) -> bool:
     if id(kind) in seen:
         return False
     seen.add(id(kind))
-    is_array = isinstance(kind, Sequence) and kind.dtype is not None
+    is_array = isinstance(kind, Sequence) and kind.is_array
     return is_array or any(_has_arrays(child, seen) for child in children(kind))
 
 
@@ -200,7 +205,7 @@ class _Writer:
         """Emit one call of the library that packs these: as an array, whose head is then cut off."""
         self._end_run()
         p = self._program
-        plant = compile_planter(Struct(self._message.name, tuple(field for field, _ in parts)), _no_array)
+        plant = compile_planter(Struct(self._message.name, tuple(field for field, _ in parts)), no_array)
         head = struct.calcsize(">" + _struct_head(len(parts))[0])
         tree = f"{p.name(plant, 'plant')}(({', '.join(x for _, x in parts)},), frames)"
         p.line(f"add({p.name(msgpack.packb)}({tree})[{head}:])")
@@ -539,7 +544,7 @@ def _string_head(length: int) -> bytes:
     return struct.pack(">BH", _STR16, length) if length < 1 << 16 else struct.pack(">BI", _STR32, length)
 
 
-def _no_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> NoReturn:
+def no_array(value: Any, dtype: np.dtype[Any], frames: Frames) -> NoReturn:
     raise AssertionError("these have none")
 
 

@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ..contract.types import (
     BOOL,
@@ -30,9 +28,12 @@ from ..contract.types import (
     Struct,
     Type,
 )
+from .flat import flat_records, records
 from .program import Program, is_loop
-from .records import flat_records, records
 from .values import RANGES, as_bool, as_dict, as_float, as_float32, as_int, as_list, as_member, as_str
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Frames = list[Any]
 """Buffers beside the tree, for arrays too large to be copied into it."""

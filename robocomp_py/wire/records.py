@@ -16,7 +16,8 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from ..contract.types import Enumeration, Field, Primitive, Struct
-from .values import as_array, as_bool, as_list, as_member, as_tuple, read_only
+from .arrays import as_array, read_only
+from .values import as_bool, as_list, as_member, as_tuple
 
 T = TypeVar("T")
 
@@ -124,11 +125,6 @@ class Records:
 def records(kind: Struct) -> Records:
     """The `Records` of a flat struct, made once."""
     return Records(kind)
-
-
-def flat_records(kind: Any) -> Records | None:
-    """The records of a type, if it is a flat struct."""
-    return records(kind) if isinstance(kind, Struct) and kind.dtype is not None else None
 
 
 def dtype_of(kind: type[Any]) -> np.dtype[np.void]:

@@ -22,7 +22,7 @@ from robocomp_py.transports.zeromq.frames import Frames
 from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
-from robocomp_py.wire.values import snapshot
+from robocomp_py.wire.arrays import snapshot
 
 from .test_zeromq_faults import GREETING, ready
 

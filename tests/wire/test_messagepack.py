@@ -33,7 +33,8 @@ from robocomp_py.contract.types import (
 from robocomp_py.errors import DecodeError, EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nothing, Point
-from robocomp_py.wire.messagepack import APART, MAX_TREE, MessagePack
+from robocomp_py.wire.messagepack import MAX_TREE, MessagePack
+from robocomp_py.wire.packed_arrays import APART
 from robocomp_py.wire.stream import PIECE
 
 from .test_codecs import one, there_and_back

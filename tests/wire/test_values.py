@@ -37,9 +37,10 @@ from robocomp_py.contract.types import (
 from robocomp_py.errors import EncodeError
 from robocomp_py.testing.conformance import assert_same
 from robocomp_py.testing.everything import Colour, Nested, Nothing, Point, Scalars
+from robocomp_py.wire.arrays import as_array
 from robocomp_py.wire.codec import Codec
 from robocomp_py.wire.explain import explain
-from robocomp_py.wire.values import RANGES, as_array
+from robocomp_py.wire.values import RANGES
 
 from .oddities import FLOAT32_LIMIT, ODDITIES, Direction, Mood, Place, Text
 from .test_codecs import CODECS, every_codec, one, there_and_back

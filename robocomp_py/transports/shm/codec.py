@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...contract.types import Sequence, Struct, Type, children
+from ...wire.arrays import is_frozen, read_only
 from ...wire.cdr import Cdr
 from ...wire.codec import Encoder, Payload
-from ...wire.values import is_frozen, read_only
 
 APART = 16 * 1024
 """Arrays of at least this many bytes stay apart."""

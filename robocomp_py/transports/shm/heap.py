@@ -215,7 +215,7 @@ class Heaps:
 class ReadOnly(mmap.mmap):
     """Memory that only its sender writes to."""
 
-    frozen = True  # see `wire.values.is_frozen`
+    frozen = True  # see `wire.arrays.is_frozen`
 
 
 class Mapped:

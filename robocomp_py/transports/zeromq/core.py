@@ -183,7 +183,7 @@ class ZeroMQCore(ServingTransport):
 
     @cached_property
     def codec(self) -> Codec:
-        from ...wire.messagepack import MessagePack  # it needs numpy, and whether a transport opens is tried without it
+        from ...wire.messagepack import MessagePack  # whether a transport opens is tried without it
 
         return MessagePack()
 
