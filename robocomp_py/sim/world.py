@@ -41,6 +41,10 @@ from .state import FARTHEST, check_tree, existing
 from .touching import Touching
 
 
+_STILL, _STILL_MM = 0.001, 0.1
+"""rad/s and mm/s: with physics on, a slower joint stands still."""
+
+
 class Overlap(RobocompError):
     """A base that stops before shapes would be inside of one."""
 
@@ -361,6 +365,15 @@ class World(Motion, Touching):
             return self._motors[joint].speed
         speed = float(self._data.qvel[found.freedom])
         return speed * 1000.0 if found.slides else speed
+
+    def is_moving(self, joint: str) -> bool:
+        """Whether a joint has not reached its goal, or has a speed; with physics on, of more than 0.001 rad/s or 0.1 mm/s.
+
+        With physics on, its speed comes near to 0, but hardly ever becomes 0.
+        """
+        speed, found = abs(self.joint_speed(joint)), self._scene.joints[joint]
+        least = (_STILL_MM if found.slides else _STILL) if self._physics else 0.0
+        return self._motors[joint].goal is not None or speed > least
 
     def matrix(self, node: str, seen_from: str = ROOT_ID) -> Array:
         """The true pose of a node, shape (4, 4): from `node` to `seen_from`, lengths in mm."""

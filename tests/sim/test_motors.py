@@ -79,6 +79,20 @@ def test_a_motor_goes_to_its_goal_at_once_or_at_its_speed(head: ComponentTest) -
     assert call(head, "getMotorStateMap", ["pan"])["pan"].pos == 0.25
 
 
+@pytest.mark.parametrize("physics", [False, True])
+def test_a_motor_moves_from_its_goal_on_until_it_is_there(physics: bool, head: ComponentTest) -> None:
+    world = head.worker.world
+    world.set_physics(physics)
+    call(head, "setPosition", made(head, "MotorGoalPosition", "pan", 0.5, 0.5))
+    assert call(head, "getMotorState", "pan").isMoving
+    world.step(20)
+    assert call(head, "getMotorState", "pan").isMoving
+    world.step(400)
+    state = call(head, "getMotorState", "pan")
+    assert (state.pos, state.isMoving) == (pytest.approx(0.5, abs=1e-4), False)
+    world.set_physics(False)
+
+
 def test_a_motor_heeds_its_acceleration(head: ComponentTest) -> None:
     call(head, "setVelocity", made(head, "MotorGoalVelocity", "tilt", -1.0, 1.0))
     began = head.worker.world.time

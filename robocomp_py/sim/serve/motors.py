@@ -24,11 +24,10 @@ def states(world: World, joints: Iterable[str], kind: Type) -> dict[str, Any]:
 
 
 def _state(world: World, joint: str) -> dict[str, Any]:
-    speed = world.joint_speed(joint)
     return {
         "pos": world.position(joint),
-        "vel": speed,
-        "isMoving": speed != 0.0,
+        "vel": world.joint_speed(joint),
+        "isMoving": world.is_moving(joint),
         "timeStamp": f"{world.time:.3f}",  # simulated seconds
     }
 
