@@ -40,7 +40,6 @@ from .speeds import Truth, truth
 from .state import FARTHEST, check_tree, existing
 from .touching import Touching
 
-
 _STILL, _STILL_MM = 0.001, 0.1
 """rad/s and mm/s: with physics on, a slower joint stands still."""
 
@@ -367,9 +366,9 @@ class World(Motion, Touching):
         return speed * 1000.0 if found.slides else speed
 
     def is_moving(self, joint: str) -> bool:
-        """Whether a joint has not reached its goal, or has a speed; with physics on, of more than 0.001 rad/s or 0.1 mm/s.
+        """Whether a joint has not reached its goal, or has a speed.
 
-        With physics on, its speed comes near to 0, but hardly ever becomes 0.
+        With physics on, a speed comes near to 0, but hardly ever becomes 0: 0.001 rad/s and 0.1 mm/s count as 0.
         """
         speed, found = abs(self.joint_speed(joint)), self._scene.joints[joint]
         least = (_STILL_MM if found.slides else _STILL) if self._physics else 0.0

@@ -39,6 +39,7 @@ class Desk:
     def __init__(self, page: Page, editor: Editor, tell: Tell) -> None:
         self.editor, self._tell = editor, tell
         self._server = page.server
+        page.dock()
         self._scene = Scene(page.server, tell, self._clicked)
         self._sheet: Sheet | None = None
         self._lookers: dict[int, Any] = {}

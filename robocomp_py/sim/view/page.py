@@ -46,6 +46,10 @@ class Page(Closing):
             raise ConfigurationError(f"viser {viser.__version__} cannot be used: it serves at a port of its own choice")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
 
+    def dock(self) -> None:
+        """Put the panel beside the scene. Before, it covers a part of it, which does for a small panel."""
+        self.server.gui.main_panel.dock_right()
+
     @property
     def url(self) -> str:
         return f"http://{ADDRESS}:{self.port}/?token={self._token}"

@@ -34,8 +34,10 @@ _AWAY = np.array((-0.7, -0.3, 0.8)) / math.sqrt(1.22)
 """From what a new page looks at to where it looks from."""
 _RIGHT = np.array((0.3, -0.7, 0.0)) / math.sqrt(0.58)
 _UP = np.cross(_AWAY, _RIGHT)
-_IN_SIGHT = 0.6
-"""What is in sight in each direction, by its distance. The field of viser has 0.77 upwards, and more to the sides."""
+_IN_SIGHT = (0.5, 0.7)
+"""What is in sight to each side, and upwards and downwards, by its distance. The field of viser has 0.77 upwards; to
+the sides, it depends on the page: 0.52 of one of 475 by 700 pixels.
+"""
 _NEAREST = 1.5
 """A new page looks from no nearer than this, m."""
 _SUN = (-30.0, 50.0, 100.0)
@@ -125,12 +127,12 @@ def _light(scene: viser.SceneApi) -> None:
 def viewpoint(parts: Sequence[Array]) -> tuple[Array, Array]:
     """Where a camera looks and stands to have all parts in sight, each an array of points: m, shape (3,).
 
-    It stands behind them, to the right and above. It leaves space for the panel of the page.
+    It stands behind them, to the right and above.
     """
     points = np.concatenate(parts) if parts else np.zeros((1, 3))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     seen = (points - middle) @ np.stack((_RIGHT, _UP, _AWAY), axis=1)
-    needed = np.abs(seen[:, :2]).max(axis=1) / _IN_SIGHT + seen[:, 2]
+    needed = (np.abs(seen[:, :2]) / _IN_SIGHT).max(axis=1) + seen[:, 2]
     return middle, middle + max(_NEAREST, float(needed.max())) * _AWAY
 
 

@@ -149,7 +149,10 @@ def test_a_scene_is_edited_in_the_browser(tmp_path: Path) -> None:
         desk = Desk(page, Editor(path, replace_file), print)
         editor = desk.editor
         with browsing(tmp_path, page.url) as browser:
-            browser(width=1200)
+            browser(width=900)
+            browser(
+                wait="document.querySelector('canvas')?.getBoundingClientRect().right < innerWidth - 200"
+            )  # the panel
             eyes = Eyes(page)
 
             def is_seen() -> bool:
