@@ -225,7 +225,7 @@ class _Closer(threading.Thread):
     """Closes a connection when the program ends: an interpreter waits for the threads of transports before that."""
 
     def __init__(self, session: Session) -> None:
-        super().__init__(name="connection")
+        super().__init__(name="connection", daemon=False)
         self._session = session
 
     def run(self) -> None:

@@ -434,6 +434,27 @@ def test_a_script_that_does_not_close_ends_without_a_word(talker: Any) -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("HELLO hello\n", "", 0)
 
 
+@pytest.mark.parametrize("middleware", TELLERS)
+def test_an_interpreter_waits_for_a_connection_that_a_daemon_thread_uses(middleware: str) -> None:
+    """Otherwise nothing closes it, and threads of zenoh abort the process when the interpreter ends."""
+    before, found = set(threading.enumerate()), []
+
+    def listen(net: Any) -> None:
+        net.talker.Everything.latest(SOON)
+        found.extend(set(threading.enumerate()) - before - {threading.current_thread()})
+
+    with (
+        running(make(Talker, find_transport, f"middleware={middleware}", name="talker")),
+        connect(middleware=middleware) as net,
+    ):
+        before.update(threading.enumerate())
+        thread = threading.Thread(target=listen, args=(net,), daemon=True)
+        thread.start()
+        thread.join()
+    assert found
+    assert not [each.name for each in found if each.daemon]
+
+
 def test_connect_costs_nothing_until_it_is_used() -> None:
     code = "import robocomp_py, sys; print('robocomp_py.client' in sys.modules, 'connect' in dir(robocomp_py))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False True\n"

@@ -160,7 +160,7 @@ class _Supervisor:
         self._place, self._owner, self._most_bytes = place, owner or "ice", most_bytes
         self._beside = 0
         """The port of publications. A restarted icebox keeps it, because publishers go on using it."""
-        self._thread = threading.Thread(target=self._run, name="icestorm-keeper")
+        self._thread = threading.Thread(target=self._run, name="icestorm-keeper", daemon=False)
         self._ending, self._settled = threading.Event(), threading.Event()
         self._box: subprocess.Popen[bytes] | None = None
         self._claim: Claim | None = None

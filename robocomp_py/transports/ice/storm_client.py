@@ -240,7 +240,7 @@ class StormClient:
         self._manager = IceStorm.TopicManagerPrx.uncheckedCast(proxy).ice_invocationTimeout(CALL_MS)
         self._no_such_topic, self._exists = IceStorm.NoSuchTopic, IceStorm.TopicExists
         self._subscribed_already = IceStorm.AlreadySubscribed
-        thread = threading.Thread(target=self._run, name="ice-topics")
+        thread = threading.Thread(target=self._run, name="ice-topics", daemon=False)
         belongs(thread)
         if not start_thread(thread):
             raise TransportError(f"ice: topics: {NO_THREAD}")

@@ -61,7 +61,7 @@ class Neighbours(Closing):
         """Routers that have answered at least once. Others may never answer, such as `zenohd`."""
         session.declare_queryable(_key(str(session.info.zid())), direct(_answer), complete=True)
         self._listener = session.info.declare_transport_events_listener(direct(self._on_event))
-        self._thread = threading.Thread(target=self._watch, name="zenoh neighbours")
+        self._thread = threading.Thread(target=self._watch, name="zenoh neighbours", daemon=False)
         if not start_thread(self._thread):
             raise TransportError(f"zenoh: {NO_THREAD}")
 

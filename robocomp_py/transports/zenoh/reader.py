@@ -127,7 +127,7 @@ class Reader:
 
     def _start_thread(self) -> bool:
         """Start a reading thread; call it with the lock. If that fails, the present thread reads on after its sink."""
-        thread = threading.Thread(target=self._read, name=f"zenoh {self._name}")
+        thread = threading.Thread(target=self._read, name=f"zenoh {self._name}", daemon=False)
         belongs(thread)
         started = start_thread(thread)
         if started:

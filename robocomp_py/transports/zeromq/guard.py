@@ -117,7 +117,7 @@ class Guard:
             self._wake_in.setblocking(False)
             self._wake_out.setblocking(False)
             self._epoll.register(self._wake_out, select.EPOLLIN)
-            self._thread = threading.Thread(target=self._run, name="zeromq-guard")
+            self._thread = threading.Thread(target=self._run, name="zeromq-guard", daemon=False)
             belongs(self._thread)
             if not start_thread(self._thread):
                 raise TransportError(f"zeromq: watching connections: {NO_THREAD}")
