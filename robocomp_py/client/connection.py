@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 def connect(
-    network: str = "",
+    network: str | os.PathLike[str] = "",
     *,
     middleware: str | Sequence[str] = (),
     timeout: float = 5.0,
@@ -45,18 +45,19 @@ def connect(
     Raises ConfigurationError if a middleware cannot be used, DeploymentError if the file cannot be read, and NotThere
     if no such network runs in time.
     """
+    named = os.fspath(network)
     middlewares = (middleware,) if isinstance(middleware, str) else tuple(middleware)
     if not timeout > 0:
         raise ConfigurationError(f"timeout={timeout!r} must be a positive number of seconds")
-    session = Session(network, middlewares, timeout, keys=os.fspath(keys) if keys else None, include=_folders(include))
+    session = Session(named, middlewares, timeout, keys=os.fspath(keys) if keys else None, include=_folders(include))
     end, is_told = time.monotonic() + timeout, False
     try:
         while not session.census().channels:
             if time.monotonic() > end:
-                raise _nothing(network, session.lost, middlewares)
+                raise _nothing(named, session.lost, middlewares)
             if not is_told and time.monotonic() > end - timeout + _PATIENCE:
                 is_told = True
-                log.warning("waiting up to %g s: %s", timeout, _nothing(network, session.lost, middlewares))
+                log.warning("waiting up to %g s: %s", timeout, _nothing(named, session.lost, middlewares))
             time.sleep(_LOOK)
     except BaseException:  # Ctrl-C, too: no scout stays
         session.close()

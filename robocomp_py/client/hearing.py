@@ -87,6 +87,8 @@ class Hearing:
         return read(payload)
 
     def listen(self, timeout: float | None, depth: int | None) -> Listening:
+        if timeout is not None and not timeout >= 0:
+            raise ValueError(f"{self.name}: timeout={timeout!r} must be a number of seconds, or None")
         made = Listening(self, timeout, DEPTH if depth is None else max(1, depth))
         with self.arrived:
             self._queues.add(made)

@@ -72,6 +72,10 @@ def _gathered(
 
 def numbers_below(message: Any, field: str, first: str) -> list[str]:
     """The field itself, or if it is a struct, the numbers in it except those of sequences. Raises ValueError."""
+    if field.count("[*]") > 1:
+        raise ValueError(
+            f"`{field}` has [*] more than once; draw one of these arrays: {field.replace('[*]', '[0]', 1)}"
+        )
     value = part_of(message, field, first)
     if not isinstance(value, Record):
         return [field]

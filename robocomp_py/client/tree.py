@@ -38,7 +38,14 @@ class Branch:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         return self._child(name)
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(f"{self._shown}: `{name}` cannot be set; call an operation, or publish to a topic")
+        super().__setattr__(name, value)
+
     def __getitem__(self, name: str) -> Any:
+        if not isinstance(name, str):
+            raise TypeError(f'{self._shown}: brackets take a name, as in ["world/Laser"], not {name!r}; {self._has}')
         first, _, rest = name.strip("/").partition("/")
         found = self._child(first)
         return found[rest] if rest else found

@@ -237,7 +237,7 @@ def test_a_network_with_a_namespace_is_found_by_its_name(own_runtime_folder: Pat
         assert "robot1" in net
         assert net.robot1.station.Everything.work("dig") == "dig"
         (tmp_path / "home.ddsl").write_text("Deployment tamed { };\n")
-        with connect(str(tmp_path / "home.ddsl"), middleware="shm", timeout=SOON) as by_file:
+        with connect(tmp_path / "home.ddsl", middleware="shm", timeout=SOON) as by_file:
             assert repr(by_file).splitlines()[0] == "tamed:"
         with pytest.raises(DeploymentError, match=r"did you mean `.*home\.ddsl`"):
             connect(str(tmp_path / "hme.ddsl"))
@@ -298,9 +298,22 @@ def test_values_are_drawn(net: Any) -> None:
         ("text", "`text` is str, and only numbers"),
         ("numbr", "did you mean `number`"),
         ("a b", "no path"),
+        ("rows[*].points[*].y", r"more than once; draw one of these arrays: rows\[0\]\.points\[\*\]\.y"),
     ):
         with pytest.raises((ValueError, AttributeError), match=why):
             net.talker.Everything.plot(path, seconds=0.1, axes=axes)
+
+
+def test_what_cannot_be_meant_is_refused_with_what_to_do(net: Any) -> None:
+    with pytest.raises(AttributeError, match="talker: `gain` cannot be set; call an operation, or publish to a topic"):
+        net.talker.gain = 3
+    with pytest.raises(AttributeError, match="`talker` cannot be set"):
+        net.talker = None
+    with pytest.raises(TypeError, match=r"brackets take a name, as in .*, not 3; it has talker"):
+        net[3]
+    for wrong in (-1, float("nan")):
+        with pytest.raises(ValueError, match="must be a number of seconds, or None"):
+            net.talker.Everything.listen(wrong)
 
 
 def test_a_part_of_a_message_is_found_by_its_path() -> None:

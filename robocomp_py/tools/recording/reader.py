@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import heapq
 import io
+import os
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -107,13 +108,13 @@ class Recorded(NamedTuple):
 class Recording(Closing):
     """An open recording. Closing it closes its files."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         """Raises RecordingError, and ConfigurationError if the library is missing."""
         need_mcap()
-        self.path = path
+        self.path = Path(path)
         self._end = contextlib.ExitStack()
         try:
-            self.files = [_File(each, self._end) for each in files_of(path)]
+            self.files = [_File(each, self._end) for each in files_of(self.path)]
         except BaseException:
             self._end.close()
             raise

@@ -142,7 +142,7 @@ def test_what_cannot_be_decoded_is_told_and_copied(
         with pytest.raises(RecordingError, match="b: "):
             topic.decoder()
     (found,) = mend(path, tmp_path / "saved", Options())
-    with Recording(tmp_path / "saved") as recording:
+    with Recording(str(tmp_path / "saved")) as recording:
         (topic,) = recording.topics.values()
         assert (topic.in_file, topic.encoding, found.messages) == ("/b", encoding, 1)
 
