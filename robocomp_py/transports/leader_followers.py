@@ -52,9 +52,9 @@ _LONGEST_PAUSE = 0.5
 # Code that runs for each message acquires the lock itself: through its condition it takes twice as long.
 
 _THREADS: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
-"""Threads of all `LeaderFollowers`, and others that belong to transports. None is a daemon, also if a daemon of the user
-starts it: the interpreter would end while it is in foreign code, which may abort the process, and nothing would close
-the transport."""
+"""Threads of all `LeaderFollowers`, and others that belong to transports. None is a daemon, also if a daemon of the
+user starts it: the interpreter would end while it is in foreign code, which may abort the process, and nothing would
+close the transport."""
 
 
 def belongs(thread: threading.Thread) -> None:
