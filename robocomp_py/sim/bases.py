@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import NamedTuple
 
 
@@ -55,6 +55,12 @@ def arc(speed: Three, time: float) -> Arc:
     half = turn * time / 2
     chord = time * (sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6)
     return ahead, aside, half, chord, turn * time
+
+
+def extent(motion: Arc) -> tuple[float, float]:
+    """How far a base gets by a motion, m, and how far it turns, rad; neither is negative."""
+    ahead, aside, _, chord, turn = motion
+    return hypot(ahead, aside) * abs(chord) / 1000.0, abs(turn)
 
 
 def along(pose: Three, motion: Arc) -> Three:

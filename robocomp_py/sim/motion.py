@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import operator
 from collections.abc import Sequence
-from math import hypot
 
 import mujoco
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import RobocompError
 from ..innermodel.axes import Array
-from .bases import Arc, Drive, Speed, Three, along, arc, between, in_parent, moved
+from .bases import Arc, Drive, Speed, Three, along, arc, between, extent, in_parent, moved
 from .build import Base
 from .falling import DEEPEST, EVERY, caught
 from .joints import moved as motor_moved
@@ -41,6 +40,9 @@ _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
 
 _NO_ROOM = Room(0.0, 0.0)
+
+_LEAST_WAY = 1e-12
+"""What counts as the way of a base in a tick if it does not move, m."""
 
 _BAD_POSITION = int(mujoco.mjtWarning.mjWARN_BADQPOS)
 _BAD_VELOCITY = int(mujoco.mjtWarning.mjWARN_BADQVEL)
@@ -176,7 +178,7 @@ class Motion(State):
         """Tell the servos of a base."""
         ahead, aside, turn = map(operator.mul, speed, factors)
         if base.is_tilted:
-            ahead, aside = in_parent(self._pose(base.name), (ahead, aside, turn), self._tick)
+            ahead, aside = in_parent(self._pose(base), (ahead, aside, turn), self._tick)
         self._data.ctrl[base.servo : base.servo + 3] = ahead / 1000.0, aside / 1000.0, turn
         self._told[base.name] = speed
 
@@ -194,13 +196,8 @@ class Motion(State):
 
     def _expire(self, drive: Drive, pose: Three, tick: int) -> None:
         """Stop a base that was not told a speed again, or that is too far away."""
-        if drive.expires is not None and tick > drive.expires:
-            drive.speed, drive.expires = Speed(), None
-        if any(drive.speed) and not (
-            _is_near(pose)
-            and _is_near(drive.odometry)
-            and (drive.corrected is drive.odometry or _is_near(drive.corrected))
-        ):
+        is_late = drive.expires is not None and tick > drive.expires
+        if is_late or (any(drive.speed) and not _is_within(FARTHEST, pose, drive)):
             drive.speed, drive.expires = Speed(), None
 
     def _factors(self, name: str, ticks: range) -> Sequence[Sequence[float]]:
@@ -225,7 +222,7 @@ class Motion(State):
             return
         ticks = range(self._ticks + 1, self._ticks + count + 1)
         for tick, factors in zip(ticks, self._factors(base.name, ticks), strict=True):
-            self._expire(drive, self._pose(base.name), tick)
+            self._expire(drive, self._pose(base), tick)
             if drive.speed is not told or not any(told):
                 return
             motion = wheels
@@ -240,46 +237,53 @@ class Motion(State):
         if not any(speed) or (expires is not None and self._ticks + count > expires) or base.name in self._noise:
             return False
         way = 2000.0 * count * self._tick * max(map(abs, speed))
-        return way + max(map(abs, (*self._pose(base.name), *drive.odometry, *drive.corrected))) < FARTHEST
+        return _is_within(FARTHEST - way, self._pose(base), drive)
 
     def _move(self, base: Base, motion: Arc, count: int) -> int:
         """Move a base for some ticks, in which nothing else moves. Returns the number of ticks until it was stopped."""
-        places, rooms = self._places, self._rooms_now()
-        (left, reach), gone, moved_for = rooms.pop(base.name, _NO_ROOM), 0.0, count
-        for done in range(count):
-            before = x, z, turn = places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
-            after = to_x, to_z, to = along(before, motion)
-            if not base.collides:
-                self._place(base, after)
-                continue
-            away, around = hypot(to_x - x, to_z - z) / 1000.0, abs(to - turn)
-            if away + around * reach < left:
-                self._place(base, after)
-                left -= away + around * reach
-            elif self._goes(base, before, after):
-                left, reach = self._room_of(base)
+        rooms, done = self._rooms_now(), 0
+        if not base.collides:
+            self._follow(base, motion, count)
+            self._rooms = self._data.qpos.tobytes(), {} if self._stopped(base.name) else rooms
+            return count
+        (left, reach), gone, (away, around) = rooms.pop(base.name, _NO_ROOM), 0.0, extent(motion)
+        while done < count:
+            ticks = min(count - done, int(left / max(away + around * reach, _LEAST_WAY)))  # for which there is room
+            if ticks:
+                self._follow(base, motion, ticks)
+                left -= ticks * (away + around * reach)
+            elif self._goes(base, motion):
+                ticks, (left, reach) = 1, self._room_of(base)
                 rooms = rooms if left else {}  # else it is not known how far its shapes reach
             else:
-                left, moved_for = 0.0, done
+                left = 0.0
                 break
-            gone += away + around * reach
-        if not base.collides and self._stopped(base.name):
-            rooms = {}
+            done += ticks
+            gone += ticks * (away + around * reach)
         rooms = {name: Room(room.left - gone, room.reach) for name, room in rooms.items() if room.left > gone}
-        if left:
+        if left > 0.0:
             rooms[base.name] = Room(left, reach)
         self._rooms = self._data.qpos.tobytes(), rooms
-        return moved_for
+        return done
+
+    def _follow(self, base: Base, motion: Arc, count: int) -> None:
+        """Move a base that nothing stops for some ticks."""
+        places = self._places
+        x, z, turn = places[base.x], places[base.z], places[base.turn]
+        for _ in range(count):
+            to_x, to_z, turn = along((x * 1000.0, z * 1000.0, turn), motion)
+            x, z = to_x / 1000.0, to_z / 1000.0
+        places[base.x], places[base.z], places[base.turn] = x, z, turn
 
     def _rooms_now(self) -> dict[str, Room]:
         """The rooms of bases, as far as they are known where all is now."""
         places, rooms = self._rooms
         return dict(rooms) if places == self._data.qpos.tobytes() else {}
 
-    def _goes(self, base: Base, before: Three, after: Three) -> bool:
-        """Put a base elsewhere, unless something stops it."""
-        depths = self._depths(base.name)
-        self._place(base, after)
+    def _goes(self, base: Base, motion: Arc) -> bool:
+        """Move a base for a tick, unless something stops it."""
+        depths, before = self._depths(base.name), self._pose(base)
+        self._place(base, along(before, motion))
         if any(depth < min(depths.get(pair, 0.0), 0.0) - TOUCH for pair, depth in self._depths(base.name).items()):
             self._place(base, before)
             return False
@@ -326,12 +330,24 @@ class Motion(State):
 
 def _roll_along(drive: Drive, wheels: Arc, count: int) -> None:
     """Let the wheels of a base measure how it has moved for some ticks."""
-    is_corrected = drive.corrected is not drive.odometry
+    odometry, corrected = drive.odometry, drive.corrected
+    is_corrected = corrected is not odometry
     for _ in range(count):
-        drive.odometry = along(drive.odometry, wheels)
-        drive.corrected = along(drive.corrected, wheels) if is_corrected else drive.odometry
+        odometry = along(odometry, wheels)
+        if is_corrected:
+            corrected = along(corrected, wheels)
+    drive.odometry, drive.corrected = odometry, corrected if is_corrected else odometry
 
 
-def _is_near(pose: Three) -> bool:
+def _is_within(most: float, pose: Three, drive: Drive) -> bool:
+    """Whether a base is nowhere beyond `most`, mm or rad: neither where it is, nor where it believes to be."""
+    return (
+        _is_near(most, pose)
+        and _is_near(most, drive.odometry)
+        and (drive.corrected is drive.odometry or _is_near(most, drive.corrected))
+    )
+
+
+def _is_near(most: float, pose: Three) -> bool:
     x, z, turn = pose
-    return -FARTHEST <= x <= FARTHEST and -FARTHEST <= z <= FARTHEST and -FARTHEST <= turn <= FARTHEST
+    return -most <= x <= most and -most <= z <= most and -most <= turn <= most

@@ -19,7 +19,7 @@ from ..innermodel.pictures import Pixels
 from ..innermodel.read import InnerModelError, number_of
 from ..innermodel.tree import Tree
 from ..spelling import unknown
-from .bases import Drive, Pose, Speed, Three
+from .bases import Drive, Speed, Three
 from .build import Base, Scene, build, rebuilt
 from .devices.imu import Inertia
 from .devices.laser import Laser
@@ -292,13 +292,13 @@ class State:
         place = float(self._data.qpos[found.place])
         return (place - found.offset) * 1000.0 if found.slides else place
 
-    def _pose(self, base: str) -> Pose:
-        found, places = self._scene.bases[base], self._places
-        return Pose(places[found.x] * 1000.0, places[found.z] * 1000.0, places[found.turn])
+    def _pose(self, base: Base) -> Three:
+        places = self._places
+        return places[base.x] * 1000.0, places[base.z] * 1000.0, places[base.turn]
 
     def _resting(self, base: str) -> Drive:
         """Of a base that is told nothing, and believes to be where it is."""
-        pose = self._pose(base)
+        pose = self._pose(self._scene.bases[base])
         return Drive(Speed(), None, pose, pose)
 
     def _place(self, base: Base, pose: Three) -> None:
