@@ -34,7 +34,8 @@ class Hooks:
         self._monitor, self._clock = monitor, clock
         self._state, self._stop, self._fail = state, stop, fail
         self._running: list[Hook] = []
-        self._last_hindrance = ""
+        self._hindered: dict[str, str] = {}
+        """Why hooks, by their names, did not complete the last time. This is logged once."""
         self.entered = 0
         """When a call last entered the monitor after it had to wait: a time of the clock."""
 
@@ -77,7 +78,8 @@ class Hooks:
         self._running.append(hook)
         try:
             run(*arguments)
-            self._last_hindrance = ""
+            if self._hindered:
+                self._hindered.pop(name_of(hook), None)
         except TransportError as exc:
             self._note_transport_error(hook, exc)
         except SystemExit as exc:
@@ -101,8 +103,8 @@ class Hooks:
         if self._state() is State.INITIALIZE:
             self._fail(f"initialize failed: {exc}")
             self._monitor.tallies.note_failure(name_of(hook), exc)
-        elif not isinstance(exc, Closed) and str(exc) != self._last_hindrance:
-            self._last_hindrance = str(exc)
+        elif not isinstance(exc, Closed) and str(exc) != self._hindered.get(name_of(hook)):
+            self._hindered[name_of(hook)] = str(exc)
             log.warning("%s did not complete: %s", name_of(hook), exc)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.contract.component import Component, PeriodicTimer
-from robocomp_py.errors import ComponentError, ConfigurationError
+from robocomp_py.errors import ComponentError, ConfigurationError, Unreachable
 from robocomp_py.runtime import settings
 from robocomp_py.runtime.clock import SECOND, Virtual, ns
 from robocomp_py.runtime.effective import as_toml, effective
@@ -60,6 +60,20 @@ def lived(worker: type[Diary], find: Any, seconds: float, *sets: str) -> Any:
     assert made.end()
     made.worker.made = made  # type: ignore[attr-defined]
     return made.worker
+
+
+def test_a_peer_that_is_away_is_told_once_although_other_methods_complete(
+    find: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    class Alone(Polling):
+        def timer_report(self) -> None:
+            if 2 <= self.now() / SECOND <= 2.5:
+                return
+            raise Unreachable("no server")
+
+    lived(Alone, find, 4.0)
+    told = [each.getMessage() for each in caplog.records if "did not complete" in each.getMessage()]
+    assert len(told) == 2, told  # it was back at 2 s
 
 
 def test_each_timer_has_its_period_and_of_equal_times_the_first_declared_comes_first(find: Any) -> None:
