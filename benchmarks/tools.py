@@ -3,6 +3,10 @@
 Bytecode is compiled and in the disk cache, as from the second start on. What is listed is one component, one that
 publishes is heard, and 500 are listed that this process announces in a directory, with as many ends as a component
 without ports has. The rows of commands that go on for long are measured in `looks` and `recordings`.
+
+`rc echo` ends soon after a message. If it began right then, it would always wait for the same part of the period of
+the topic, and the time from its begin to its end would be a multiple of this period. So each round begins at another
+time between two messages. These times are spread evenly, and the median is that over all of them.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import cycle
 from pathlib import Path
 
 from . import counters, looks, recordings
@@ -44,6 +49,8 @@ HEARD = {"ice": 0.3, "zenoh": 0.4, "dds": 0.6}
 
 SOON = 0.25
 
+PERIOD = 0.05
+"""Seconds between two messages of that topic."""
 
 LOOK, LOOK_AT_MANY, PAGE = 10.0, 500.0, 100.0
 """ms of processor time for a look at 5 components and at 500, and kB of the page of `rc monitor`."""
@@ -75,11 +82,13 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as kept, place() as here:
         cache = {"PYTHONPYCACHEPREFIX": kept, "PYTHONDONTWRITEBYTECODE": ""}
 
-        def measured(what: str, words: list[str], runtime: str, allowed: float) -> Row:
+        def measured(what: str, words: list[str], runtime: str, allowed: float, period: float = 0.0) -> Row:
             tell(f"tools · {what}")
-            step = partial(_taken, words, cache | {"ROBOCOMP_RUNTIME_DIR": runtime})
+            rounds = min(effort.rounds, ROUNDS)
+            waits = cycle(period * each / rounds for each in range(rounds))
+            step = partial(_taken, words, cache | {"ROBOCOMP_RUNTIME_DIR": runtime}, waits)
             step()  # from now on all files are in the cache, and their bytecode is there
-            (found,) = by_turns([step], min(effort.rounds, ROUNDS))
+            (found,) = by_turns([step], rounds)
             return Row(what, statistics.median(each[0] for each in found), allowed)
 
         rows.append(measured("rc --help", ["--help"], here.folder, HELP))
@@ -96,7 +105,8 @@ def run(middlewares: Iterable[str], effort: Effort, tell: Tell) -> list[Row]:
             ):
                 words = ["echo", "LaserPub", "-n", "1", "--middleware", middleware]
                 allowed = HEARD.get(middleware, SOON)
-                rows.append(measured(f"rc echo, a message at 20 Hz over {middleware}", words, runtime, allowed))
+                what = f"rc echo, a message at 20 Hz over {middleware}"
+                rows.append(measured(what, words, runtime, allowed, PERIOD))
         with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as runtime, announced(Path(runtime), MOST):
             rows.append(measured(f"rc list --all, {MOST} components", ["list", "--all"], runtime, MANY))
     if "shm" in middlewares:
@@ -128,9 +138,10 @@ def _at_work(effort: Effort, tell: Tell) -> Iterator[Row]:
     yield Row(f"{what}, memory", kept.octets / 1000, COUNTERS_KEPT, "kB")
 
 
-def _taken(words: list[str], environment: dict[str, str]) -> list[float]:
-    """Seconds until a command has ended."""
+def _taken(words: list[str], environment: dict[str, str], waits: Iterator[float]) -> list[float]:
+    """Seconds until a command has ended, which begins after the next of these waits."""
     command = [sys.executable, "-m", "robocomp_py.cli.rc", *words]
+    time.sleep(next(waits))
     begun = time.perf_counter()
     subprocess.run(
         command, cwd=ROOT, env=os.environ | environment, stdout=subprocess.DEVNULL, check=True, timeout=PATIENCE

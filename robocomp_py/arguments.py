@@ -16,8 +16,28 @@ class Parser(argparse.ArgumentParser):
     script that has them would break once there is another option. So do its subparsers."""
 
     def __init__(self, **options: Any) -> None:
-        ours: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
+        ours: dict[str, Any] = {"formatter_class": self._formatter, "allow_abbrev": False}
         super().__init__(**ours | options)
+
+    def format_help(self) -> str:
+        self._measure()
+        return super().format_help()
+
+    def format_usage(self) -> str:
+        self._measure()
+        return super().format_usage()
+
+    _width = 80
+    """Longest line of the help, in characters."""
+
+    def _formatter(self, prog: str) -> argparse.HelpFormatter:
+        """argparse makes a formatter for each argument, too, which would look for the width of the terminal."""
+        return argparse.RawDescriptionHelpFormatter(prog, width=self._width)
+
+    def _measure(self) -> None:
+        import shutil
+
+        self._width = shutil.get_terminal_size().columns - 2
 
     def parse_known_args(  # type: ignore[override]  # of its overloads, which differ only in the namespace
         self, args: Sequence[str] | None = None, namespace: Any = None

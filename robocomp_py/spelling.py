@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
@@ -13,6 +15,8 @@ def closest(name: str, known: Iterable[str], *, prefix: str = "") -> str:
     A name with which a single known one begins means that, if less than half of it is missing. Case counts only between
     names that differ in nothing else.
     """
+    import difflib  # most commands have nothing misspelt
+
     spellings: dict[str, list[str]] = {}
     for each in known:
         spellings.setdefault(each.removeprefix(prefix).lower(), []).append(each)

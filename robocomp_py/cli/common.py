@@ -7,7 +7,6 @@ import errno
 import io
 import json
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -255,6 +254,8 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Seq
     cells = [tuple(head), *map(tuple, rows)]
     lines = _columns(cells) if all(each.isascii() and each.isprintable() for row in cells for each in row) else []
     widest = max(map(len, lines), default=_UNBROKEN)
+    import shutil
+
     if widest < (shutil.get_terminal_size().columns if sys.stdout.isatty() else _UNBROKEN):
         print("\n".join(lines))
         return

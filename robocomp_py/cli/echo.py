@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from ..printable import one_line
 from ..tools.shortening import shortened
-from .calls import echo_calls
 from .common import UNREACHABLE, USAGE
 from .hosts import HERE, add_hosts, code_of, hosts_of
 from .live import (
@@ -99,6 +98,8 @@ def run(options: argparse.Namespace) -> int:
         return USAGE
     with reported("rc echo") as code, hosts_of(options) as hosts:
         if options.calls:
+            from .calls import echo_calls
+
             return echo_calls(options, hosts)
         topics = awaited_topics(options, hosts)
         from ..tools.tap import Back, Found, Lost, Presence, tapped  # loaded while the topics were awaited
@@ -170,10 +171,12 @@ _Views = Mapping[tuple[str, str], _View]
 
 def _views(topics: Sequence[Channel], options: argparse.Namespace) -> dict[tuple[str, str], _View]:
     """Raises ConfigurationError if an option does not fit a contract."""
+    fields = options.field or (["*"] if options.csv else [])
+    if not fields and not options.where:
+        return {(each.name, each.host): _View((), (), False) for each in topics}
     from ..errors import ConfigurationError
     from ..tools.parts import condition, parts
 
-    fields = options.field or (["*"] if options.csv else [])
     views = {}
     for topic in topics:
         inputs = topic.operation.inputs
@@ -255,7 +258,8 @@ def _tell(presence: Presence) -> None:
 
 
 def _clock(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds).strftime("%H:%M:%S.%f")[:-3]
+    whole = int(seconds)
+    return f"{time.strftime('%H:%M:%S', time.localtime(whole))}.{int((seconds - whole) * 1000):03d}"
 
 
 def _sent(heard: Message) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -43,6 +42,8 @@ class Progress:
         if now >= self._due and self._to.isatty():
             self._due = now + _NEXT
             self._is_shown = True
+            import shutil
+
             width = shutil.get_terminal_size().columns - 1  # a line that wraps could not be erased
             self._write(f"\r\x1b[K{f'{self._name}: {text}'[:width]}")
 

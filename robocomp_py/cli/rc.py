@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
-import textwrap
 from collections.abc import Sequence
 from contextlib import nullcontext
 from importlib import import_module
@@ -13,6 +11,7 @@ from typing import Protocol, cast
 
 from ..arguments import Parser
 from ..garbage import rare_collection
+from ..numerics import one_thread
 from . import completing
 from .common import add_version, command, parser
 
@@ -81,6 +80,9 @@ Each is the name of its module, which is imported only if it is needed: to impor
 
 COMMANDS = {name: told for commands in GROUPS.values() for name, told in commands.items()}
 
+_LOOKING = {*GROUPS["see what runs"], *GROUPS["talk to what runs"]}
+"""Commands that compute nothing with large arrays."""
+
 RUN = "run"
 """The command that passes options on to the component."""
 
@@ -133,7 +135,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return answer(completer, given)
     if given[:1] == [RUN]:
         return _run(given)
-    with rare_collection() if arguments is None else nullcontext():  # without arguments, the process is this command
+    if arguments is not None:
+        return _do(given)
+    threads = one_thread() if given[:1] and given[0] in _LOOKING else nullcontext()
+    with rare_collection(), threads:  # without arguments, the process is this command
         return _do(given)
 
 
@@ -183,6 +188,9 @@ def parser_for(name: str, beginning: str = "") -> Parser:
 
 def _listed() -> str:
     """What each command does, in groups."""
+    import shutil
+    import textwrap
+
     room = max(map(len, COMMANDS)) + 4
     width = max(2 * room, min(_WIDTH, shutil.get_terminal_size().columns - 2))
     groups = []

@@ -28,7 +28,6 @@ from ..transports.base import (
     TransportConfig,
     find_transport,
 )
-from ..wire.cdr import Cdr
 from ..wire.codec import Codec, Payload
 from . import far
 from .network import TOOL, Channel, Way
@@ -88,7 +87,7 @@ class Access(Closing):
         if channel.via:
             link = far.FarLink(channel, sink if headed else lambda heard: sink(heard.payload))
             self._end.callback(link.close)
-            return Heard(link, Cdr())
+            return Heard(link, self.codec(channel))
         transport = self._of(channel)
         durability = channel.qos.durability if latched else Durability.VOLATILE
         qos = QoS(Reliability.BEST_EFFORT, durability, depth=depth)
@@ -97,7 +96,11 @@ class Access(Closing):
 
     def codec(self, channel: Channel) -> Codec:
         """That of the payloads which `hear` would pass on."""
-        return Cdr() if channel.via else self._of(channel).codec
+        if channel.via:
+            from ..wire.cdr import Cdr
+
+            return Cdr()
+        return self._of(channel).codec
 
     def ask(self, channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[Any, ...]:
         """Call a query; returns its outputs. `values` are those of the request, as `wire.json` makes them.

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 from ..errors import DecodeError, RobocompError
 from ..transports.base import Heard, Statistics
-from ..wire import json
 from .network import Channel
 from .posts import Message as Answer
 from .posts import Post, ScoutError
@@ -243,6 +242,8 @@ def asked(channel: Channel, values: tuple[Any, ...], deadline: float) -> tuple[A
 
     Raises ThrownError, and ScoutError if the call fails otherwise.
     """
+    from ..wire import json
+
     assert channel.via
     operation = channel.operation
     arguments = json.show_fields(operation.inputs, values)

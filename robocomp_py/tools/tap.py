@@ -11,14 +11,14 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from types import FrameType
+from functools import cached_property
+from types import FrameType, ModuleType
 from typing import Any, NamedTuple
 
 from ..errors import DecodeError, RobocompError
 from ..threads import start_thread
 from ..transports.base import Heard, SupportsSources
-from ..wire import json
-from ..wire.codec import Codec, Payload
+from ..wire.codec import Decoder, Payload
 from .absent import Absent
 from .access import Access, Subscription
 from .far import Far, FarArrivals
@@ -171,6 +171,7 @@ def tapped(
         seek=seek,
     )
     with _listening(subscriptions):
+        subscriptions.prepare()
         while span.goes_on():
             yield from subscriptions.finds()
             for lost in subscriptions.losses():
@@ -324,6 +325,7 @@ class _Subscriptions:
         self._following: dict[Post, contextlib.ExitStack] = {}
         self._access: Access | None = None
         self._links: list[tuple[str, Subscription]] = []
+        self._shows: list[_Show] = []
         self._reported: set[str] = set()
         """The lost hosts that `losses` has yielded, and that are not back."""
         self._changing = threading.Lock()
@@ -343,6 +345,11 @@ class _Subscriptions:
         with self._changing:
             self._listen()
         start_thread(self._thread)
+
+    def prepare(self) -> None:
+        """Import and make what shows messages. To do so after `open` takes no time while the first one is awaited."""
+        for each in self._shows:
+            each.prepare()
 
     def stop(self, number: int, frame: FrameType | None) -> None:
         """The handler of a signal."""
@@ -457,8 +464,8 @@ class _Subscriptions:
         self._far.lost.clear()
         self._reported.clear()
         for topic in self._topics:
-            sink = self._sink(topic.name, _show(topic, access.codec(topic)))
-            heard = access.hear(topic, sink, DEPTH, headed=True, latched=self._latched)
+            self._shows.append(show := _Show(topic, access))
+            heard = access.hear(topic, self._sink(topic.name, show), DEPTH, headed=True, latched=self._latched)
             self._links.append((topic.name, heard.link))
         for post, there in self._posts.items():
             self._follow(post, there)
@@ -478,21 +485,36 @@ class _Subscriptions:
         for each in self._following.values():
             each.close()
         self._links = []
+        self._shows = []
         if self._access:
             self._access.close()
             self._access = None
 
 
-def _show(topic: Channel, codec: Codec) -> Show:
-    inputs, decode = topic.operation.inputs, codec.decoder(topic.operation.request)
+class _Show:
+    """Shows the payloads of a topic. It is ready after `prepare`, or else makes itself ready for the first payload."""
 
-    def show(payload: Payload) -> Any:
+    def __init__(self, topic: Channel, access: Access) -> None:
+        self._topic, self._access = topic, access
+
+    def prepare(self) -> None:
+        _ = self._decode, self._json
+
+    def __call__(self, payload: Payload) -> Any:
         try:
-            return json.show_fields(inputs, decode(payload))
+            return self._json.show_fields(self._topic.operation.inputs, self._decode(payload))
         except DecodeError as exc:
             return f"not understood: {exc}"
 
-    return show
+    @cached_property
+    def _decode(self) -> Decoder:
+        return self._access.codec(self._topic).decoder(self._topic.operation.request)
+
+    @cached_property
+    def _json(self) -> ModuleType:
+        from ..wire import json
+
+        return json
 
 
 def _message(arrived: _Arrived, dropped: int) -> Message:

@@ -7,7 +7,6 @@ import fcntl
 import json
 import logging
 import os
-import secrets
 import threading
 import time
 from collections.abc import Iterator
@@ -25,7 +24,7 @@ class Membership:
     """The own member of this process, while it is open."""
 
     def __init__(self, folder: Path, owner: str) -> None:
-        self.id = f"{os.getpid()}-{secrets.token_hex(4)}"
+        self.id = f"{os.getpid()}-{os.urandom(4).hex()}"
         self._file, self._lock_file = folder / f"{self.id}.json", folder / f"{self.id}.lock"
         self._owner = owner
         self._entries: list[Entry] = []

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,6 +39,8 @@ def runtime_dir(*below: str) -> Path:
 
 
 def _temporary() -> Path:
+    import tempfile  # this takes a while, and most environments name a folder
+
     try:
         return Path(tempfile.gettempdir())
     except OSError as exc:  # it tries to write a file, which fails without free descriptors, for example

@@ -15,7 +15,7 @@ so a request that waited in a queue while its server was stopped does not count 
 
 from __future__ import annotations
 
-import secrets
+import os
 import struct
 import time
 from collections.abc import Callable
@@ -181,12 +181,12 @@ def clock() -> str:
     try:
         return f"t{int(Path('/proc/sys/kernel/random/boot_id').read_text()[:8], 16)}"
     except (OSError, ValueError):
-        return f"t{secrets.randbits(32)}"  # equal to that of no other host
+        return f"t{int.from_bytes(os.urandom(4))}"  # equal to that of no other host
 
 
 def random_id() -> int:
     """64 random bits: a client, a source, or one life of a server."""
-    return secrets.randbits(64)
+    return int.from_bytes(os.urandom(8))
 
 
 def _check_length(data: bytes, length: int) -> None:

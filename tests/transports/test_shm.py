@@ -834,7 +834,9 @@ def test_while_a_publisher_looks_for_readers_a_thread_that_sends_looks_too(
 
 
 def test_an_obstructing_file_is_reported_with_its_owner_and_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(node.secrets, "token_hex", lambda _: "0123456789abcdef")  # as if it were known
+    monkeypatch.setattr(
+        node.os, "urandom", lambda count: bytes.fromhex("0123456789abcdef")[:count]
+    )  # as if it were known
     with opened_for_a_moment() as names:
         (shared,) = (Path("/dev/shm", name) for name in names if name.endswith(".global_mgmt"))
     shared.mkdir()

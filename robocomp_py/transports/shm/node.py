@@ -16,8 +16,6 @@ import contextlib
 import fcntl
 import os
 import re
-import secrets
-import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -87,7 +85,7 @@ class Node:
             undo.callback(self._lock.release)
             alone = self._lock.take()
             known = self._known_secret()
-            self._use(known or secrets.token_hex(8))
+            self._use(known or os.urandom(8).hex())
             if (alone and self._clear()) or not known:
                 self._use(self._new_secret())
             builder = iceoryx2.NodeBuilder.new().config(self._config)
@@ -134,7 +132,7 @@ class Node:
         return text if _SECRET.fullmatch(text) else ""
 
     def _new_secret(self) -> str:
-        secret = secrets.token_hex(8)
+        secret = os.urandom(8).hex()
         try:
             self._secret.unlink(missing_ok=True)
             with open(os.open(self._secret, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600), "w") as file:
@@ -160,6 +158,8 @@ class Node:
             return False  # another node is leaving, and will look itself
         if not all(isinstance(each, iceoryx2.NodeState.Dead) for each in found):
             return False
+        import shutil  # which takes longer than all else here, and is seldom needed
+
         self._sweep()
         shutil.rmtree(self._root, ignore_errors=True)
         with contextlib.suppress(OSError):  # it is another user's, which the next node to open reports
