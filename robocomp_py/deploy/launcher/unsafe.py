@@ -70,7 +70,8 @@ def end(code: int, shared: Collection[str]) -> NoReturn:
     gc.collect()  # what is not needed any more is finalized while its module and the files of that are there
     marks = [_marked(sys.modules.pop(name)) for name in sys.modules.keys() - shared]
     gc.collect()
-    for namespace in [each for mark in marks if (there := mark()) for each in gc.get_referrers(there)]:
+    left = [there for mark in marks if (there := mark())]
+    for namespace in gc.get_referrers(*left):  # once for all: it looks at every object
         if isinstance(namespace, dict):  # of a module that something shared knows
             namespace.clear()
     gc.collect()
