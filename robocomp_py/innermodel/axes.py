@@ -43,19 +43,19 @@ def angles(matrix: Array) -> Array:
     """The angles x, y, z of a rotation, shape (3,), in rad.
 
     Of the two solutions, the one whose angles are smaller is taken. They are not normalised, so one may exceed π. At a
-    quarter turn about y, x is 0.
+    quarter turn about y, x is 0. No angle is -0.
     """
     (xx, xy, xz), (yx, yy, yz), (_, _, zz) = matrix.tolist()
     sine = min(1.0, max(-1.0, xz))
     if 1.0 - abs(sine) < _SINGULAR:
-        return np.array((0.0, math.copysign(math.pi / 2, sine), math.atan2(yx, yy)))
+        return np.array((0.0, math.copysign(math.pi / 2, sine), math.atan2(yx, yy))) + 0.0
     found = []
     for y in (math.asin(sine), math.pi - math.asin(sine)):
         sign = math.copysign(1.0, math.cos(y))
         x = math.atan2(-sign * yz, sign * zz)
         z = math.atan2(-sign * xy, sign * xx)
         found.append((x, y, z))
-    return np.array(min(found, key=lambda each: math.hypot(*each)))
+    return np.array(min(found, key=lambda each: math.hypot(*each))) + 0.0
 
 
 def pose(translation: Sequence[float], turn: Array) -> Array:
@@ -111,8 +111,8 @@ def position_to_simulation(position: Array) -> Array:
 
 
 def position_from_simulation(position: Array) -> Array:
-    """Points of the simulator in m, shape (…, 3), to mm in our axes."""
-    return position @ TO_SIMULATION * 1000.0
+    """Points of the simulator in m, shape (…, 3), to mm in our axes. No number is -0."""
+    return position @ TO_SIMULATION * 1000.0 + 0.0
 
 
 def rotation_to_simulation(turn: Array) -> Array:
@@ -135,4 +135,5 @@ def turn_to_simulation(vector: Array) -> Array:
 
 
 def turn_from_simulation(vector: Array) -> Array:
-    return -(vector @ TO_SIMULATION)
+    """The way back. No number is -0."""
+    return 0.0 - vector @ TO_SIMULATION

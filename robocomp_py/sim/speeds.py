@@ -58,9 +58,9 @@ def truth(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> Truth:
     velocity, turning = _speed(model, data, frame.body, away)
     rotation = axes.rotation_from_simulation(turn @ frame.rotation)
     return Truth(
-        (data.xpos[frame.body] + away) @ axes.TO_SIMULATION,
+        (data.xpos[frame.body] + away) @ axes.TO_SIMULATION + 0.0,
         axes.angles(rotation),
-        velocity @ axes.TO_SIMULATION,
+        velocity @ axes.TO_SIMULATION + 0.0,
         axes.turn_from_simulation(turning),
         rotation,
     )

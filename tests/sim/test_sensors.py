@@ -43,6 +43,17 @@ def hall(request: pytest.FixtureRequest, tmp_path: Path) -> World:
 # Inertial units.
 
 
+def test_no_number_of_what_rests_is_minus_0() -> None:
+    tree = Tree()
+    tree.add("root", "differentialrobot", "base")
+    tree.add("base", "imu", "unit")
+    world = World(tree)
+    inertial, truth = world.inertial("unit"), world.truth("base")
+    angles = (inertial.roll, inertial.pitch, inertial.yaw)
+    told = (*truth[:4], world.poses()[:, :3, 3], *inertial[:3], np.array(angles))
+    assert not any(np.signbit(each).any() for each in told)
+
+
 def test_at_rest_a_unit_feels_what_holds_it_up(hall: World) -> None:
     hall.step(5)
     assert hall.inertial("imu").acceleration == pytest.approx((0, 9.81, 0), abs=1e-6)

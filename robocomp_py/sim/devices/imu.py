@@ -54,10 +54,10 @@ def read(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame, acceleration:
     own = axes.rotation_from_simulation(turn)
     _, turning = speed_of(model, data, frame)
     return Inertial(
-        (acceleration - model.opt.gravity) @ turn @ axes.TO_SIMULATION,
+        (acceleration - model.opt.gravity) @ turn @ axes.TO_SIMULATION + 0.0,  # 0, and not -0
         axes.turn_from_simulation(turning @ turn),
         _NORTH @ own,
         math.atan2(own[1, 0], own[1, 1]),
-        math.asin(min(1.0, max(-1.0, -own[1, 2]))),
+        math.asin(min(1.0, max(-1.0, 0.0 - own[1, 2]))),
         math.atan2(own[0, 2], own[2, 2]),
     )
