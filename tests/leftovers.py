@@ -59,6 +59,8 @@ def _ended(threads: set[threading.Thread], processes: set[int]) -> Iterator[str]
     for pid in sorted(_children() - processes):
         with contextlib.suppress(OSError):  # ended meanwhile
             words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+            if "from multiprocessing." in words:
+                continue  # Python's own, for the whole session; it warns if one has gone
             os.kill(pid, signal.SIGKILL)
             yield f"process {pid}, killed now: {words}"
     end = time.monotonic() + _PATIENCE_S

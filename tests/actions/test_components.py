@@ -13,6 +13,7 @@ from robocomp_py.cli import rcgen
 from robocomp_py.errors import Busy, Cancelled, ComponentError, RemoteFailure, Timeout, Unreachable
 from robocomp_py.runtime.worker import check_methods
 from robocomp_py.testing.components import ComponentTest, late, load_component
+from robocomp_py.testing.patience import SOON
 
 IDSL = """
 module RoboCompPilot
@@ -63,7 +64,7 @@ class SpecificWorker(GenericWorker):
             self.goal = self.pilot_proxy.fly(3)
         elif self.outcome is None:
             try:
-                self.outcome = self.goal.result(1.0)
+                self.outcome = self.goal.result(5.0)
             except Exception as exc:
                 self.outcome = exc
 """
@@ -97,33 +98,33 @@ def crew(folder: Path, virtual: bool, fake: Any) -> Any:
 
 def test_a_component_executes_goals(ship: ComponentTest) -> None:
     goal = ship.call("Pilot.fly", 5)
-    assert goal.result(5.0) == 5
+    assert goal.result(SOON) == 5
     assert goal.feedback.left == 1
     assert ship.call("Pilot.flown") == 5
-    assert ship.call("Pilot.land").result(5.0) is None
+    assert ship.call("Pilot.land").result(SOON) is None
 
 
 def test_one_goal_of_an_action_runs_at_a_time(ship: ComponentTest) -> None:
     goal = ship.call("Pilot.fly", 10**6)
     with pytest.raises(Busy, match="another one is active"):
         ship.call("Pilot.fly", 1)
-    assert ship.call("Pilot.land").result(5.0) is None, "another action"
+    assert ship.call("Pilot.land").result(SOON) is None, "another action"
     goal.cancel()
     with pytest.raises(Cancelled):
-        goal.result(5.0)
+        goal.result(SOON)
 
 
 def test_the_declared_exception_reaches_the_client(ship: ComponentTest) -> None:
     module = type(ship.worker).__module__.rpartition(".")[0]
     blocked = importlib.import_module(f"{module}.generic.RoboCompPilot").Blocked
     with pytest.raises(blocked, match="a bird"):
-        ship.call("Pilot.fly", -1).result(5.0)
+        ship.call("Pilot.fly", -1).result(SOON)
 
 
 def test_a_result_of_a_wrong_type_fails(ship: ComponentTest) -> None:
     goal = ship.call("Pilot.fly", 13)
     with pytest.raises(RemoteFailure):
-        goal.result(5.0)
+        goal.result(SOON)
     assert (str(goal.status), f"{goal.status}", goal.status) == ("ABORTED", "ABORTED", 6)
 
 

@@ -12,9 +12,9 @@ import pytest
 from robocomp_py.cli import rc, rcgen
 from robocomp_py.testing.simulation import Simulation
 
-pytestmark = pytest.mark.tool  # needs nothing but time
+from ..seeds import SEEDS
 
-SEEDS = range(20)
+pytestmark = pytest.mark.tool  # needs nothing but time
 
 SCENE = """\
 <innerModel>

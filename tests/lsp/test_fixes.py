@@ -225,14 +225,13 @@ def test_every_fix_takes_its_diagnostic_away_and_every_code_that_can_be_fixed_ha
     fixed = set()
     for name in names:
         found = session.open(name)
-        text = session.texts[name]
-        for diagnostic in found:
+        offered = [(each, action) for each in found for action in actions(session, name, each)]
+        texts = [done(session, name, action) for _, action in offered]  # each by itself: of the file as it was
+        for (diagnostic, action), text in zip(offered, texts, strict=True):
             complaint = (diagnostic.code, diagnostic.message)
-            for action in actions(session, name, diagnostic):
-                left = session.change(name, done(session, name, action))
-                assert counted(left)[complaint] < counted(found)[complaint], f"{name}: {complaint}: {action.title}"
-                session.change(name, text)
-                fixed.add(diagnostic.code)
+            left = session.change(name, text)
+            assert counted(left)[complaint] < counted(found)[complaint], f"{name}: {complaint}: {action.title}"
+            fixed.add(diagnostic.code)
     assert fixed == FIXABLE
 
 

@@ -130,7 +130,7 @@ def test_readiness_is_reported_to_the_launcher(hello: Path, tmp_path: Path) -> N
 
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
         channel.bind(str(tmp_path / "n"))
-        channel.settimeout(30)
+        channel.settimeout(3 * SOON)
         with started("robocomp_py.cli.rc", "run", str(hello), NOTIFY_SOCKET=str(tmp_path / "n")) as process:
             assert channel.recv(100).startswith(b"X_ROBOCOMP_CONTRACT=")
             assert channel.recv(100) == b"READY=1"
