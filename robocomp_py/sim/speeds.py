@@ -1,4 +1,7 @@
-"""How fast things move, and their true poses in m and rad."""
+"""How fast things move, and their true poses in m and rad.
+
+Products are made by `dot`: for so few numbers, `@` takes twice as long.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ def speed_of(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> tuple[
 
     The speeds of all bodies in `data` have to be those of now.
     """
-    return _speed(model, data, frame.body, data.xmat[frame.body].reshape(3, 3) @ frame.position)
+    return _speed(model, data, frame.body, data.xmat[frame.body].reshape(3, 3).dot(frame.position))
 
 
 def _speed(model: mujoco.MjModel, data: mujoco.MjData, body: int, away: Array) -> tuple[Array, Array]:
@@ -54,13 +57,13 @@ def _speed(model: mujoco.MjModel, data: mujoco.MjData, body: int, away: Array) -
 def truth(model: mujoco.MjModel, data: mujoco.MjData, frame: Frame) -> Truth:
     """The poses and speeds of all bodies in `data` have to be those of now."""
     turn = data.xmat[frame.body].reshape(3, 3)
-    away = turn @ frame.position
+    away = turn.dot(frame.position)
     velocity, turning = _speed(model, data, frame.body, away)
-    rotation = axes.rotation_from_simulation(turn @ frame.rotation)
+    rotation = axes.TO_SIMULATION.T.dot(turn.dot(frame.rotation)).dot(axes.TO_SIMULATION)
     return Truth(
-        (data.xpos[frame.body] + away) @ axes.TO_SIMULATION + 0.0,
+        (data.xpos[frame.body] + away).dot(axes.TO_SIMULATION) + 0.0,
         axes.angles(rotation),
-        velocity @ axes.TO_SIMULATION + 0.0,
+        velocity.dot(axes.TO_SIMULATION) + 0.0,
         axes.turn_from_simulation(turning),
         rotation,
     )

@@ -26,8 +26,8 @@ class Rays:
         The poses of all bodies in `data` have to be those of now.
         """
         turn = data.xmat[self._body].reshape(3, 3)
-        origin = data.xpos[self._body] + turn @ self._position
-        directions = np.ascontiguousarray(self._directions @ turn.T)
+        origin = data.xpos[self._body] + turn.dot(self._position)
+        directions = self._directions.dot(turn.T)
         count = len(directions)
         hit, metres = np.empty(count, dtype=np.int32), np.empty(count)  # not kept: copies of a world share the rays
         own = self._body or -1  # what is fixed to the world may see all else that is

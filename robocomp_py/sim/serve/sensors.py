@@ -39,9 +39,9 @@ def posed(world: World, node: str, kind: Type) -> Any:
     """A FullPoseEuler: m, rad, m/s and rad/s."""
     position, angles, velocity, turning, rotation = world.truth(node)
     own = rotation.T
-    side, _, ahead = (own @ velocity + 0.0).tolist()  # 0, and not -0
+    side, _, ahead = (own.dot(velocity) + 0.0).tolist()  # 0, and not -0
     values: dict[str, Any] = {"source": node, "adv": ahead, "side": side, "confidence": 100}
-    values["rot"] = float((own @ turning)[1]) + 0.0
+    values["rot"] = own.dot(turning).item(1) + 0.0
     values.update(zip(_PLACE, (*position.tolist(), *angles.tolist()), strict=True))
     values.update(zip(_SPEED, (*velocity.tolist(), *turning.tolist()), strict=True))
     return filled(kind, values)
