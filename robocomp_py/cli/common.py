@@ -248,9 +248,16 @@ def complain(message: object) -> int:
 _UNBROKEN = 1000
 """Length of a line that only programs read, so it is never wrapped."""
 
+_LONG = 24
+"""Characters of a word that is broken only if it is longer."""
+
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Sequence[str] = ()) -> None:
-    """Print columns. On a terminal that is too narrow, those in `wrapped` get several lines."""
+    """Print columns. On a terminal that is too narrow, those in `wrapped` get several lines.
+
+    If they are then still too wide, the terminal breaks the lines: a column that is left out, or words in pieces, would
+    be worse.
+    """
     cells = [tuple(head), *map(tuple, rows)]
     lines = _columns(cells) if all(each.isascii() and each.isprintable() for row in cells for each in row) else []
     widest = max(map(len, lines), default=_UNBROKEN)
@@ -263,17 +270,34 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[str]], wrapped: Seq
     from rich.table import Table
     from rich.text import Text
 
+    console = Console(highlight=False)
     table = Table(box=None, pad_edge=False, header_style="")
-    for column in head:
-        table.add_column(column, no_wrap=column not in wrapped, overflow="fold")  # a name that is cut is of no use
+    most = console.width if console.is_terminal else _UNBROKEN
+    for column, width in zip(head, _widths(cells, wrapped, most), strict=True):
+        table.add_column(column, width=width, overflow="fold")  # a name that is cut is of no use
     for row in cells[1:]:
         table.add_row(*map(Text, row))
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _UNBROKEN
+    console.width = max(console.width, _UNBROKEN)
     with console.capture() as captured:
         console.print(table)
     print("\n".join(line.rstrip() for line in captured.get().splitlines()))
+
+
+def _widths(rows: Sequence[Sequence[str]], wrapped: Sequence[str], most: int) -> list[int]:
+    """If the columns are wider than `most` together, those in `wrapped` get narrower, but no narrower than a word."""
+    from rich.cells import cell_len
+
+    widths = [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
+    least = [
+        max(cell_len(head), min(_LONG, max((cell_len(word) for cell in cells for word in cell.split()), default=0)))
+        if head in wrapped
+        else width
+        for (head, *cells), width in zip(zip(*rows, strict=True), widths, strict=True)
+    ]
+    for _ in range(sum(widths) + 2 * (len(widths) - 1) - most):
+        widest = max(range(len(widths)), key=lambda number: widths[number] - least[number])
+        widths[widest] = max(least[widest], widths[widest] - 1)
+    return widths
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence, Set
@@ -120,24 +121,24 @@ def _live(looks: Iterator[list[Load]], options: argparse.Namespace, *, with_host
     found: list[Load] = []
     with Live(console=console, auto_refresh=False, screen=False, transient=True) as live:
         for found in looks:
-            live.update(
-                Group(*lines(found, options, with_hosts=with_hosts)[: max(1, console.height - 1)]), refresh=True
-            )
+            shown = lines(found, options, with_hosts=with_hosts, most=console.width)
+            live.update(Group(*shown[: max(1, console.height - 1)]), refresh=True)
     for line in lines(found, options, with_hosts=with_hosts):
         console.print(line, soft_wrap=True)
     return FINE if found else WRONG
 
 
-def lines(found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False) -> list[Text]:
-    """The table of components, then that of operations."""
+def lines(
+    found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False, most: int | None = None
+) -> list[Text]:
+    """The table of components, then that of operations. Lines of more than `most` characters are shortened."""
     shown = [(each, one) for each in found for one in each.operations if options.all or not one.is_quiet]
     heads = _insert(_COMPONENTS, "host") if with_hosts else _COMPONENTS
     rows = [(_insert(_component(each), each.host) if with_hosts else _component(each), _is_bad(each)) for each in found]
-    table = _table(heads, rows, left=len(heads) - len(_COMPONENTS) + 2)
+    table = _table(heads, rows, left=len(heads) - len(_COMPONENTS) + 2, most=most)
     if shown:
-        table += _table(
-            _OPERATIONS, [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown], left=1
-        )
+        operations = [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown]
+        table += _table(_OPERATIONS, operations, left=1, most=most)
     return table
 
 
@@ -150,6 +151,8 @@ _COMPONENTS = (
     *("component", "state", "process", "cpu %", "MB", "compute/s", "msg/s"),
     *("failed", "lost", "queue", "suspended", "overruns"),
 )
+_NAME = 24
+"""Characters of a name that are shown at least, however narrow the terminal is."""
 _OPERATIONS = ("operation", "over", "per s", "p50 ms", "p99 ms", "max ms", "wait ms", "failed", "lost", "refused")
 
 
@@ -183,20 +186,43 @@ def _is_bad(each: Load) -> bool:
     return bool(each.failed or each.lost or each.state == "emergency")
 
 
-def _table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], bool]], *, left: int) -> list[Text]:
+def _table(
+    heads: Sequence[str], rows: Sequence[tuple[Sequence[str], bool]], *, left: int, most: int | None
+) -> list[Text]:
     """The first `left` columns, and the middleware, are aligned at their left side."""
     from rich.text import Text
 
     widths = [max(map(len, cells)) for cells in zip(heads, *(cells for cells, _ in rows), strict=True)]
+    kept: Sequence[int] = range(len(heads))
+    if most and _total(widths) > most:  # empty columns go first, then the beginnings of names
+        kept = [number for number in kept if number < left or any(cells[number] for cells, _ in rows)]
+        excess = _total([widths[number] for number in kept]) - most
+        widths[0] = max(min(widths[0], _NAME), widths[0] - max(0, excess))
 
     def line(cells: Sequence[str], style: str) -> Text:
         filled = (
-            f"{cell:<{width}}" if number < left or heads[number] == "over" else f"{cell:>{width}}"
-            for number, (cell, width) in enumerate(zip(cells, widths, strict=True))
+            f"{_shortened(cells[number], widths[number]):<{widths[number]}}"
+            if number < left or heads[number] == "over"
+            else f"{cells[number]:>{widths[number]}}"
+            for number in kept
         )
         return Text("  ".join(filled), style=style, no_wrap=True, overflow="crop")
 
     return [line(heads, "dim"), *(line(cells, "red" if bad else "") for cells, bad in rows)]
+
+
+def _total(widths: Sequence[int]) -> int:
+    return sum(widths) + 2 * (len(widths) - 1)
+
+
+def _shortened(text: str, width: int) -> str:
+    """Without the first letters of a name; those before an arrow stay, if there is room."""
+    missing = len(text) - width
+    if missing <= 0:
+        return text
+    before = re.match(r".* [→←] ", text)
+    kept = before[0] if before and len(before[0]) <= width // 2 else ""
+    return f"{kept}…{text[len(kept) + missing + 1 :]}"
 
 
 def _number(value: float) -> str:

@@ -253,3 +253,16 @@ def test_a_narrow_terminal_cuts_no_name(capsys: pytest.CaptureFixture[str], monk
     shown = capsys.readouterr().out
     assert max(map(len, shown.splitlines())) <= 40
     assert sorted("".join(shown.split())) == sorted("".join(("channel", "over", *row)).replace(" ", ""))
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80])
+def test_a_narrow_terminal_leaves_out_no_column_and_breaks_no_word(
+    columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    head = ("component", "process", "over", "offers", "uses")
+    row = ("wander – 2", "17680", "shm, zeromq", "GotoPoint, Laser", "DifferentialRobot of world, LaserPub of world")
+    print_table(head, [row], wrapped=("offers", "uses"))
+    assert sorted(capsys.readouterr().out.split()) == sorted(" ".join((*head, *row)).split())

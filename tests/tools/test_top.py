@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+from argparse import Namespace
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from robocomp_py.cli.top import lines
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.qos import PRESETS
@@ -16,6 +19,7 @@ from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import asking
 from robocomp_py.tools.census import take_census
+from robocomp_py.tools.measure import Load, Operation
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator, Diary, EverythingPublisher, Pupil
@@ -101,3 +105,19 @@ def test_a_component_that_is_not_there_is_named(pair: Any, capsys: pytest.Captur
 
 def test_nothing_to_show_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no component here tells what it does" in complained(capsys, "top", "--once", "--middleware", "zeromq")
+
+
+def test_a_narrow_terminal_shows_what_has_failed() -> None:
+    """Of wider lines, empty columns are left out, and names lose their beginnings."""
+    divide = Operation(
+        *("everything", "requires", "divide", "desk/calculator/Everything/divide", "shm", 7),
+        *(20.0, 0.001, 0.002, 0.003, math.nan),
+        *(3, 0, 0),
+    )
+    load = Load("desk/pupil", "compute", "here", 17, 0.02, 50_000_000, 100.0, 0.01, 0, 0, 0, (divide,))
+    wide, narrow = ([each.plain for each in lines([load], Namespace(all=False), most=most)] for most in (None, 80))
+    assert "desk/pupil → desk/calculator/Everything/divide" in wide[3]
+    assert max(map(len, narrow)) <= 80
+    assert narrow[2].split()[-1] == "failed"
+    assert narrow[3].startswith("desk/pupil → …")
+    assert narrow[3].endswith("  3")
