@@ -29,6 +29,8 @@ examples:
   rc sim offers house.xml --ports    the same, with the ports at which programs of RoboComp ask
   rc sim new house.xml --lidar top   the laser `top` has several fans, and also provides points in space
 
+  rc sim import arm.urdf             a scene from URDF or MJCF, in arm.xml
+
   rc sim view house.xml              the scene in the browser
   rc sim view                        ... as it runs; --component NAME: which one, if several do
   rc sim edit house.xml              edit the scene in the browser
@@ -41,7 +43,8 @@ exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage, 1
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
-        "Write a component that simulates a scene, print what a network has to declare of it, show and edit it."
+        "Write a component that simulates a scene, print what a network has to declare of it, show and edit it, "
+        "and make one from URDF or MJCF."
     )
     to.epilog = _EXAMPLES
     actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
@@ -62,6 +65,13 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="with the ports of the file, at which programs of RoboComp ask: one interface at each",
     )
     shown.add_argument("--json", action="store_true", help="print one object: interfaces by device, or with their port")
+    taken = actions.add_parser(
+        "import", help="make a scene from URDF or MJCF", description="Make a scene from a file of URDF or MJCF."
+    )
+    taken.add_argument("robot", type=Path, metavar="FILE", help="the file, which is not changed")
+    taken.add_argument(
+        "-o", "--output", type=Path, metavar="FILE.xml", help="the scene (default: FILE.xml, in this folder)"
+    )
     add_view(actions.add_parser("view", help=VIEW_HELP))
     add_edit(actions.add_parser("edit", help=EDIT_HELP))
 
@@ -81,18 +91,16 @@ def run(options: argparse.Namespace) -> int:
         return view(options)
     if options.action == "edit":
         return edit(options)
+    if options.action == "import":
+        return _import(options.robot, options.output or Path(options.robot.stem).with_suffix(".xml"))
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
     from ..sim.parameters import FANS, FIELD
     from ..sim.serve.offers import INTERFACES, at_ports, left_out, offers
     from ..spelling import unknown
 
-    if not options.scene.exists() or options.scene.is_dir():
-        from ..dsl.nearby import nearby
-
-        hint = nearby(options.scene, str(options.scene), models=(".xml",))
-        what = "it is a folder" if options.scene.is_dir() else "there is no such file"
-        return complain(f"rc sim: {options.scene}: {what}{f'; {hint}' if hint else ''}")
+    if wrong := _cannot_be_read(options.scene):
+        return complain(f"rc sim: {wrong}")
     tree = Tree()
     try:
         tree = Tree.read(options.scene)
@@ -128,6 +136,43 @@ def run(options: argparse.Namespace) -> int:
             f"no such file: {', '.join(files)}; `without_meshes = true` in its etc/config.toml leaves such meshes out"
         )
     return code
+
+
+def _cannot_be_read(path: Path, endings: tuple[str, ...] = (".xml",)) -> str:
+    """Why a file cannot be read, with one that may be meant; "" if it is there."""
+    if path.is_file():
+        return ""
+    from ..dsl.nearby import nearby
+
+    hint = nearby(path, str(path), models=endings)
+    return f"{path}: {'it is a folder' if path.is_dir() else 'there is no such file'}{f'; {hint}' if hint else ''}"
+
+
+def _import(robot: Path, scene: Path) -> int:
+    """Write what MuJoCo reads of a file as a scene, with a folder of its meshes."""
+    from ..innermodel.read import InnerModelError
+
+    if wrong := _cannot_be_read(robot, (".urdf", ".xml")):
+        return complain(f"rc sim import: {wrong}")
+    folder = scene.with_name(f"{scene.stem}_meshes")
+    if there := [each for each in (scene, folder) if each.exists()]:
+        return complain(f"rc sim import: {there[0]} is there already; choose another file by -o")
+    try:
+        from ..sim.importing import imported
+    except ImportError as exc:
+        return complain(f"rc sim import: it needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})")
+    try:
+        found = imported(robot, folder.name)
+        for name, text in found.meshes.items():
+            folder.mkdir(parents=True, exist_ok=True)
+            (scene.parent / name).write_text(text)
+        found.tree.save(scene)
+    except (InnerModelError, OSError) as exc:
+        return complain(f"rc sim import: {exc}")
+    if found.left_out:
+        print(f"left out: {'; '.join(found.left_out)}")
+    print(f"{scene} has {len(found.tree) - 1} nodes; to see it: rc sim view {scene}")
+    return FINE
 
 
 def _is_lost(tree: Tree, name: str, tag: str) -> bool:

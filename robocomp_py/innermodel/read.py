@@ -293,7 +293,7 @@ def _real(path: Path) -> Path:
 _ATTRIBUTE = re.compile(rb"""([^\s=<>/"']+)\s*=\s*("[^"]*"|'[^']*')""")
 """An attribute of a start tag that is well-formed."""
 
-_FOREIGN = dict.fromkeys(("robot", "mujoco"), "docs/guides/importing.md makes a scene of URDF and MJCF")
+_FOREIGN = dict.fromkeys(("robot", "mujoco"), "`rc sim import` makes a scene of URDF and MJCF")
 """Remedies for roots of other formats."""
 
 _UNKNOWN = Tag("", "", {}, has_children=True)

@@ -31,6 +31,7 @@ WITHOUT_JSON = {
     "run": "what is printed comes from the component",
     "host": "it prints nothing but what its middleware logs",
     "sim new": "it writes files",
+    "sim import": "it writes files",
     "sim view": "it serves a page",
     "sim edit": "it serves a page",
     "foxglove": "it serves Foxglove, in its protocol",

@@ -1,0 +1,196 @@
+"""A scene from what MuJoCo reads: URDF and MJCF.
+
+Links become frames, joints become joints along z of frames of their own, and shapes become boxes and meshes. What
+InnerModel does not have is left out, and listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..innermodel import axes
+from ..innermodel.axes import Array
+from ..innermodel.nodes import Value
+from ..innermodel.read import ROOT_ID, InnerModelError
+from ..innermodel.tree import Tree
+
+_KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "joint", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismaticjoint"}
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_PLANE, _MESH = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_MESH)
+_UNKNOWN = {int(mujoco.mjtGeom.mjGEOM_HFIELD): "hfield", int(mujoco.mjtGeom.mjGEOM_SDF): "mesh"}
+_INFINITE, _THIN = 20000.0, 10.0
+"""mm: a side of a plane that MJCF calls infinite, and the height of all planes."""
+_GREY = (0.5, 0.5, 0.5)
+"""Of a shape that has no colour."""
+_COUNTED = {
+    "nsensor": "sensor",
+    "ncam": "camera",
+    "ntendon": "tendon",
+    "nlight": "light",
+    "nsite": "site",
+    "nactuator": "actuator",
+}
+"""What a model of MuJoCo may have that is left out."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    tree: Tree
+    meshes: dict[str, str] = field(default_factory=dict)
+    """The texts of the files of its meshes in the format OBJ, by their paths beside the scene."""
+    left_out: list[str] = field(default_factory=list)
+    """What the tree does not have, for people."""
+
+
+def imported(path: Path, meshes: str = "meshes") -> Imported:
+    """The scene of a file of URDF or MJCF. `meshes` is the folder of its meshes, beside the scene.
+
+    Raises InnerModelError for a file that MuJoCo cannot read, and for a joint that InnerModel does not have.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.fusestatic = False  # else links that cannot move lose their frames
+        spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # masses of links are left out, and may be missing
+        spec.compiler.balanceinertia = True
+        model = spec.compile()
+    except ValueError as exc:
+        raise InnerModelError(f"{path}: MuJoCo cannot read it: {' '.join(str(exc).split())}") from exc
+    if model.nbody + model.ngeom == 1:
+        raise InnerModelError(f"{path}: it has no link and no shape")
+    return converted(model, meshes)
+
+
+def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:
+    """The scene of a model of MuJoCo. Raises InnerModelError for a joint that InnerModel does not have."""
+    made = Imported(Tree())
+    frames = {0: ROOT_ID}
+    for number in range(1, model.nbody):
+        frames[number] = _add_body(made.tree, model, number, frames[int(model.body_parentid[number])])
+    for number in range(model.ngeom):
+        _add_shape(made, model, number, frames[int(model.geom_bodyid[number])], meshes)
+    counts = {name: int(getattr(model, key, 0)) for key, name in _COUNTED.items()}
+    made.left_out.extend(f"{count} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
+    made.left_out.extend(_equality(model, number) for number in range(model.neq))
+    return made
+
+
+def _equality(model: mujoco.MjModel, number: int) -> str:
+    one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+    if model.eq_type[number] == int(mujoco.mjtEq.mjEQ_JOINT) and other >= 0:
+        return f"that {model.joint(one).name} follows {model.joint(other).name}"
+    return f"the equality {model.equality(number).name or number}"
+
+
+def _add_body(tree: Tree, model: mujoco.MjModel, number: int, parent: str) -> str:
+    """Add the frame of a body and its joints; returns the frame that moves with all of them."""
+    body = model.body(number)
+    joints = [model.joint(each) for each in range(body.jntadr[0], body.jntadr[0] + body.jntnum[0])]
+    is_free = any(model.jnt_type[joint.id] == _FREE for joint in joints)
+    free: dict[str, Value] = {"engine": "bullet", "mass": _rounded(model.body_mass[number])} if is_free else {}
+    name = first = _free_id(tree, body, "body")
+    tree.add(parent, "transform", name, **_placed(_pose(body.pos, body.quat)), **free)
+    for joint in joints:
+        if model.jnt_type[joint.id] != _FREE:
+            name = _add_joint(tree, model, joint, name, first)
+    return name
+
+
+def _add_joint(tree: Tree, model: mujoco.MjModel, joint: Any, parent: str, body: str) -> str:
+    label = _free_id(tree, joint, "joint")
+    kind = _KINDS.get(int(model.jnt_type[joint.id]))
+    if kind is None:
+        raise InnerModelError(
+            f"body {body}: {label} is a ball joint, and joints of a scene have one axis: replace it by three hinges"
+        )
+    axis = axes.turn_from_simulation(joint.axis) if kind == "joint" else joint.axis @ axes.TO_SIMULATION
+    turn = axes.pose(axes.position_from_simulation(joint.pos).tolist(), axes.along_normal((-axis).tolist()))
+    factor = 1.0 if kind == "joint" else 1000.0
+    low, high = (_rounded(factor * (each - model.qpos0[joint.qposadr[0]])) for each in joint.range)
+    limits = {"min": low, "max": high} if model.jnt_limited[joint.id] else {}
+    tree.add(parent, "transform", f"{label}_axis", **_placed(turn))
+    tree.add(f"{label}_axis", kind, label, axis="z", **limits)
+    tree.add(label, "transform", f"{label}_moved", **_placed(axes.inverse(turn)))
+    return f"{label}_moved"
+
+
+def _add_shape(made: Imported, model: mujoco.MjModel, number: int, parent: str, meshes: str) -> None:
+    geom, kind = model.geom(number), int(model.geom_type[number])
+    if lost := _UNKNOWN.get(kind):
+        made.left_out.append(f"the {lost} {getattr(model, lost)(geom.dataid[0]).name}")
+        return
+    name = _free_id(made.tree, geom, "geom")
+    made.tree.add(parent, "transform", f"{name}_at", **_placed(_pose(geom.pos, geom.quat)))
+    colour = _colour(model, number)
+    if kind == _MESH:
+        label = model.mesh(geom.dataid[0]).name or f"mesh{geom.dataid[0]}"
+        file = str(PurePosixPath(meshes, f"{label.replace('/', '_')}{colour.replace('#', '-')}.obj"))
+        made.meshes[file] = _obj(model, int(geom.dataid[0]), colour)
+        made.tree.add(f"{name}_at", "mesh", name, file=file)
+        return
+    dressed = {"texture": colour} if colour else {}
+    made.tree.add(f"{name}_at", "plane", name, **_box(model, number), **dressed)
+
+
+def _box(model: mujoco.MjModel, number: int) -> dict[str, Any]:
+    """The attributes of the box that a shape becomes."""
+    if model.geom_type[number] == _PLANE:
+        depth, width = (float(each) * 2000.0 or _INFINITE for each in model.geom_size[number][:2])
+        return {"size": (_rounded(width), _THIN, _rounded(depth)), "py": -_THIN / 2}
+    depth, width, height = (_rounded(each * 2000.0) for each in model.geom_aabb[number][3:])
+    return {"size": (width, height, depth)}
+
+
+def _colour(model: mujoco.MjModel, number: int) -> str:
+    """The colour of a shape as `#rrggbb`; "" if it has none."""
+    material = int(model.geom_matid[number])
+    colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[number]
+    if material < 0 and np.allclose(colour[:3], _GREY):
+        return ""
+    return "#" + "".join(f"{round(255 * float(min(max(each, 0.0), 1.0))):02x}" for each in colour[:3])
+
+
+def _obj(model: mujoco.MjModel, mesh: int, colour: str) -> str:
+    """A mesh in the format OBJ, mm. Files of meshes have their own z, towards the viewer."""
+    begin, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    points: Array = axes.position_from_simulation(model.mesh_vert[begin : begin + count].astype(float)) * (1, 1, -1)
+    begin, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    faces: NDArray[Any] = model.mesh_face[begin : begin + count] + 1
+    told = "".join(f" {int(colour[each : each + 2], 16) / 255:.4g}" for each in (1, 3, 5)) if colour else ""
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}{told}" for x, y, z in (points + 0.0).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _pose(position: Array, quaternion: Array) -> Array:
+    """A pose of MuJoCo in the axes of InnerModel, mm."""
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, quaternion)
+    here = axes.rotation_from_simulation(turn.reshape(3, 3))
+    return axes.pose(axes.position_from_simulation(np.asarray(position)).tolist(), here)
+
+
+def _placed(pose: Array) -> Mapping[str, float]:
+    """A pose as attributes."""
+    numbers = (*pose[:3, 3].tolist(), *axes.angles(pose[:3, :3]).tolist())
+    return dict(zip(("tx", "ty", "tz", "rx", "ry", "rz"), map(_rounded, numbers), strict=True))
+
+
+def _rounded(number: float) -> float:
+    """Without the errors of floating-point arithmetic."""
+    return round(float(number), 6) + 0.0
+
+
+def _free_id(tree: Tree, thing: Any, kind: str) -> str:
+    """An id for a body, a joint or a shape. MuJoCo needs no names, and lets a body and a joint have the same one."""
+    name = thing.name or f"{kind}{thing.id}"
+    found, number = name if name not in tree else f"{name}_{kind}", 0
+    while found in tree:
+        found, number = f"{name}_{kind}{number}", number + 1
+    return found
