@@ -255,7 +255,7 @@ def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) 
 
     told = outcome(goal, action, _CANCELLING)
     if "exception" in told:
-        print(f"rc action send: {told['exception']}: {json.dumps(told['fields'])}", file=sys.stderr)
+        print(f"rc action send: {told['exception']}: {spelled(told['fields'])}", file=sys.stderr)
     if options.json:
         print(json.dumps(told))
     elif "result" in told:

@@ -27,6 +27,7 @@ from .live import (
     positive,
     reported,
     request_of,
+    spelled,
 )
 
 if TYPE_CHECKING:
@@ -126,7 +127,8 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
             try:
                 shown = values.show_fields(operation.outputs, access.ask_again(channel, taken, options.deadline))
                 if shown or options.json:
-                    print(json.dumps(shown["ret"] if list(shown) == ["ret"] else shown or None), flush=True)
+                    answer = shown["ret"] if list(shown) == ["ret"] else shown or None
+                    print(json.dumps(answer) if options.json else spelled(answer), flush=True)
             except ThrownError as exc:
                 _print_thrown(exc, as_json=options.json)
                 code = WRONG
@@ -140,4 +142,4 @@ def _print_thrown(exc: ThrownError, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"exception": name, "fields": fields}), flush=True)
     else:
-        print(f"rc call: {name}: {json.dumps(fields)}", file=sys.stderr)
+        print(f"rc call: {name}: {spelled(fields)}", file=sys.stderr)

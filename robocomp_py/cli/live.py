@@ -16,7 +16,7 @@ from .common import FINE, UNREACHABLE, USAGE, WRONG, add_include
 from .completing import What, completed
 
 if TYPE_CHECKING:
-    from ..contract.types import Field
+    from ..contract.types import Field, Type
     from ..runtime.RoboCompIntrospection import End
     from ..tools.hosts import Hosts
     from ..tools.network import Channel, Network
@@ -279,8 +279,13 @@ def components_named(known: Sequence[str], wanted: Sequence[str]) -> list[str]:
 
 def nothing_published(network: Network, wanted: Sequence[str], more: str = "") -> str:
     """The message that none of these topics is published, or with no names none at all."""
+    from ..contract.interface import Pattern
+
+    for name in () if more else wanted:
+        if why := network.no_topic(name):
+            return f"{why}; `rc echo --calls {name}` and `rc record --calls {name}` hear its calls"
     what = ", ".join(f"`{each}`" for each in wanted) or "anything"
-    near = next(filter(None, map(network.closest, wanted)), "")
+    near = next(filter(None, (network.closest(each, Pattern.PUBLISH) for each in wanted)), "")
     hint = f"did you mean `{near}`?" if near else "`rc list --topics` shows all topics"
     return f"nothing publishes {what}{more}; {hint}"
 
@@ -291,20 +296,40 @@ def nothing_heard(options: argparse.Namespace) -> Absent:
 
 def topics_of(network: Network, wanted: Sequence[str]) -> list[Channel]:
     """The published topics that these names mean. Raises ValueError."""
-    from ..contract.interface import Pattern
-
     found: dict[str, Channel] = {}
     for name in wanted:
-        channels = network.named(name)
-        topics = [each for each in channels if each.pattern is Pattern.PUBLISH]
-        if not topics:
-            what = f"{channels[0].name} is a {channels[0].pattern}"
-            raise Wrong(f"`{name}` is no topic: {what}; `rc echo --calls {name}` shows its calls")
+        if why := network.no_topic(name):
+            raise Wrong(f"{why}; `rc echo --calls {name}` shows its calls")
+        topics = _named_topics(network, name)
         if not any(each.providers for each in topics):
             raise ValueError(f"nothing publishes {topics[0].name} now")
         topics = [each for each in topics if each.providers]
         found |= {each.name: each for each in topics}
     return list(found.values())
+
+
+def topic_to_publish(network: Network, name: str) -> Channel:
+    """The only topic that a name means. Raises ValueError if there may be one later, and Wrong for what is no topic."""
+    if why := network.no_topic(name):
+        raise Wrong(f"{why}; `rc call {name}` calls it")
+    try:
+        return network.topic(name)
+    except ValueError as exc:
+        _named_topics(network, name)  # raises for a name that may appear
+        raise Wrong(str(exc)) from None
+
+
+def _named_topics(network: Network, name: str) -> list[Channel]:
+    """Of what a name means, the topics. Raises ValueError, with a similar topic, and Wrong for an action."""
+    from ..contract.interface import Pattern
+
+    try:
+        return [each for each in network.named(name) if each.pattern is Pattern.PUBLISH]
+    except ValueError as exc:
+        if network.has_action(name):
+            raise Wrong(str(exc)) from None
+        near = network.closest(name, Pattern.PUBLISH)
+        raise ValueError(f"`{name}` is not there; did you mean `{near}`?") if near else exc from None
 
 
 def one_of(network: Network, name: str) -> Channel:
@@ -405,8 +430,27 @@ def arguments_of(words: list[str], inputs: Sequence[Field]) -> Any:
             inner = inner.setdefault(name, {})
             if not isinstance(inner, dict):
                 raise ValueError(f"`{word}`: `{name}` has a value of its own")
-        inner[last] = _value(text)
+        if last in inner:
+            raise ValueError(f"`{path_}` is given twice")
+        inner[last] = _value(text, _type_of(inputs, path_))
     return found
+
+
+def _type_of(inputs: Sequence[Field], path: str) -> Type | None:
+    """The type of a field, such as `a.b`; None if there is no such field."""
+    from ..contract.types import Dictionary, Struct
+
+    first, *below = path.split(".")
+    kind = next((each.type for each in inputs if each.name == first), None)
+    for name in below:
+        match kind:
+            case Struct(fields=fields):
+                kind = next((each.type for each in fields if each.name == name), None)
+            case Dictionary():
+                kind = kind.value
+            case _:
+                return None
+    return kind
 
 
 def _assigned(words: Sequence[str], names: Sequence[str]) -> str:
@@ -418,12 +462,15 @@ def _assigned(words: Sequence[str], names: Sequence[str]) -> str:
     return f"; write {' '.join(map('='.join, zip(names, words, strict=True)))}" if is_by_position else ""
 
 
-def _value(text: str) -> Any:
-    """JSON, or text as it is."""
+def _value(text: str, kind: Type | None) -> Any:
+    """JSON, or text as it is; for a text, `12` and `true` are texts, too."""
+    from ..contract.types import STRING
+
     try:
-        return json.loads(text, parse_constant=str)  # NaN stays a text, which `wire.json` understands
+        found = json.loads(text, parse_constant=str)  # NaN stays a text, which `wire.json` understands
     except (ValueError, RecursionError):
         return text
+    return text if kind is STRING and not isinstance(found, str) else found
 
 
 def _loaded(text: str | bytes, what: str) -> Any:

@@ -24,6 +24,7 @@ from .live import (
     positive,
     reported,
     request_of,
+    topic_to_publish,
 )
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     with reported("rc pub") as code, hosts_of(options) as hosts:
 
         def pick(network: Network) -> tuple[Network, Channel]:
-            channel = network.topic(options.topic)
+            channel = topic_to_publish(network, options.topic)
             wanted = options.arguments and not options.latch
             if hosts.posts and wanted and not channel.users:  # it may get one on any host
                 raise ValueError(f"nothing subscribes to {channel.name}")

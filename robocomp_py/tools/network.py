@@ -367,13 +367,27 @@ class Network:
             raise ValueError(f"`{name}` may be {listed}; write more of the name" if found else f"`{name}` is no topic")
         return found[0]
 
-    def closest(self, name: str) -> str:
-        """The name of a channel that is provided, or of a part of it, that was meant by a misspelt one, or ""."""
-        provided = [each.name for each in self.channels.values() if each.providers]
+    def closest(self, name: str, pattern: Pattern | None = None) -> str:
+        """The name of a channel that is provided, or of a part of it, that was meant by a misspelt one, or "".
+
+        With a pattern, only channels of that pattern are meant.
+        """
+        fitting = [each for each in self.channels.values() if pattern in (None, each.pattern)]
+        provided = [each.name for each in fitting if each.providers]
         parts = {"/".join(each.split("/")[-count:]) for each in provided for count in (1, 2, 3)}
         parts |= {part for each in provided for part in each.split("/")}
         parts |= {each.rpartition("/")[0] for each in provided}
         return closest(name.strip("/"), parts)
+
+    def no_topic(self, name: str) -> str:
+        """Why a name that is there means no topic; "" if it means one, or is not there."""
+        try:
+            found = self.named(name)
+        except ValueError:
+            return ""
+        if any(each.pattern is Pattern.PUBLISH for each in found):
+            return ""
+        return f"`{name}` is no topic: {found[0].name} is a {found[0].pattern}"
 
     def has_action(self, name: str) -> bool:
         """Whether this is the name of an action, or its end, instead of that of a channel."""

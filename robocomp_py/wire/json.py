@@ -129,12 +129,24 @@ def take_fields(fields: Items[Field], given: Any, what: str) -> tuple[Any, ...]:
     names = {field.name for field in fields}
     for name in given:
         if name not in names:
-            near = closest(name, names)
-            hint = f"did you mean `{near}`?" if near else f"it takes {_spelt(fields)}"
+            near = closest(name, names) or _deeper(fields, name)
+            hint = f"did you mean `{near}`?" if near else f"it takes {_spelt(fields) if fields else 'none'}"
             raise Unfit(f"{what}: no field `{name}`; {hint}")
     if absent := [field.name for field in fields if field.name not in given]:
         raise Unfit(f"{what}: lacks {', '.join(f'`{name}`' for name in absent[:_WIDEST])}; it takes {_spelt(fields)}")
     return tuple(take(field.type, given[field.name], f"{what}.{field.name}") for field in fields)
+
+
+def _deeper(fields: Items[Field], name: str) -> str:
+    """The path of a field of this name within one of these; "" if there is none."""
+    return next(
+        (
+            f"{field.name}.{name}"
+            for field in fields
+            if isinstance(field.type, Struct) and any(each.name == name for each in field.type.fields)
+        ),
+        "",
+    )
 
 
 def take(kind: Type, given: Any, what: str) -> Any:

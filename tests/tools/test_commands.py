@@ -258,6 +258,16 @@ def test_a_query_is_called(talker: Any, capsys: pytest.CaptureFixture[str]) -> N
 
 
 @pytest.mark.parametrize("talker", ["shm"], indirect=True)
+@pytest.mark.parametrize(
+    ("word", "text"), [("12", "12"), ("true", "true"), ('"12"', "12"), ("null", "null"), ("größe", "größe")]
+)
+def test_a_text_is_a_text_whatever_it_looks_like(
+    talker: Any, word: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said(capsys, "call", "work", f"task={word}") == f'"{text}"\n'
+
+
+@pytest.mark.parametrize("talker", ["shm"], indirect=True)
 def test_a_query_is_called_again_and_again(talker: Any, capsys: pytest.CaptureFixture[str]) -> None:
     divide = ("call", "divide", "dividend=9", "divisor=4", "--repeat", "3")
     assert said(capsys, *divide, "--rate", "1000").splitlines() == ['{"ret": 2, "remainder": 1}'] * 3
@@ -369,12 +379,13 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
         ),
         (("call", "divide", "dividend", "7"), 2, "nor a JSON object, nor @FILE; write dividend=7"),
         (("call", "divide", "7", "2"), 2, "nor a JSON object, nor @FILE; write dividend=7 divisor=2"),
+        (("call", "divide", "dividend=1", "dividend=2", "divisor=1"), 2, "`dividend` is given twice"),
         (("call", "divide", "{"), 2, "the argument is no JSON"),
         (("call", "divide", "[" * 9000), 2, "is neither FIELD=VALUE, nor a JSON object, nor @FILE"),
         (("call", "divide", '{"a":' * 9000), 2, "the argument is nested too deep"),
         (("call", "divide", "dividend=" + "[" * 9000, "divisor=1"), 2, "it takes int64"),
         (("call", "divide", "@nowhere.json"), 2, "nowhere.json: No such file or directory"),
-        (("call", "divide", "dividend.x=1", "dividend=2", "divisor=3", "dividend.y=1"), 2, "has a value of its own"),
+        (("call", "divide", "dividend=2", "divisor=3", "dividend.y=1"), 2, "has a value of its own"),
         (("call", "Everything", "--timeout", "0.1"), 1, "`Everything` may be talker/Everything/divide, talker/"),
         (("call", "news", "--timeout", "0.1"), 1, "is a topic; `rc echo news` prints what is published"),
         (("echo", "divide", "--timeout", "0.1"), 1, "`divide` is no topic: talker/Everything/divide is a query"),
@@ -385,7 +396,9 @@ def test_a_call_without_arguments_shows_what_it_takes(talker: Any, capsys: pytes
         (("echo", "news", "--field", "text[0]"), 2, "`text` is string, and has no item 0"),
         (("echo", "news", "--where", "number>x"), 2, "`number` is int32; compare it with a number, and not `x`"),
         (("echo", "news", "--csv", "--json"), 2, "--csv and --json exclude each other"),
-        (("pub", "divide", "--timeout", "0.1"), 1, "`divide` is no topic"),
+        (("pub", "divide"), 1, "no topic: talker/Everything/divide is a query; `rc call divide` calls it"),
+        (("record", "divide", "--timeout", "0.1"), 1, "talker/Everything/divide is a query; `rc echo --calls divide`"),
+        (("echo", "nwes", "--timeout", "0.1"), 1, "did you mean `news`?"),
         (("pub", "news", "number=1", "text=x", "--timeout", "0.1"), 1, "nothing subscribes to talker/Everything/news"),
         (("pub", "news", "number=1"), 2, "rc pub: news: lacks `text`; it takes {number int32, text string}"),
         (("info", "nws", "--timeout", "0.1"), 1, "`nws` is not there; did you mean `news`?"),

@@ -90,6 +90,13 @@ def test_what_does_not_fit_is_refused_with_its_place(changes: dict[str, Any], wh
         json.take_fields(FIELDS, nested(**changes), "go")
 
 
+def test_a_field_of_a_struct_is_proposed_by_its_path() -> None:
+    with pytest.raises(json.Unfit, match=r"^go: no field `points`; did you mean `value\.points`\?$"):
+        json.take_fields(FIELDS, {"points": []}, "go")
+    with pytest.raises(json.Unfit, match=r"^stop: no field `points`; it takes none$"):
+        json.take_fields((), {"points": []}, "stop")
+
+
 def test_a_message_that_is_no_object_is_refused() -> None:
     with pytest.raises(json.Unfit, match=r"^go: an array is given; it takes {value Conformance\.Nested}$"):
         json.take_fields(FIELDS, [], "go")

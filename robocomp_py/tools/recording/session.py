@@ -110,7 +110,11 @@ class Session:
     def _propose(self, network: Network) -> None:
         """Tell once of each name that is not published but resembles one that is."""
         for name in self._wanted:
-            if not chosen(network, (name,)) and (near := network.closest(name)):
+            if chosen(network, (name,)):
+                continue
+            if why := network.no_topic(name):
+                self._complain(name, f"{why}; --calls records its calls")
+            elif near := network.closest(name, Pattern.PUBLISH):
                 self._complain(name, f"nothing publishes `{name}` so far; did you mean `{near}`?")
 
     def _follow(self, channel: Channel) -> None:
