@@ -24,7 +24,7 @@ pytestmark = pytest.mark.timeout(900)  # a page has up to 30 commands, and each 
         ("docs/guides/existing", 5),
         ("docs/explanation/handedness", 1),
         ("docs/guides/hosts", 6),
-        ("docs/guides/importing", 4),
+        ("docs/guides/importing", 3),
         pytest.param("docs/guides/named-instances", 15, marks=LONG),
         ("docs/guides/processes", 6),
         ("docs/guides/rerun", 8),

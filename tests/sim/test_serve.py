@@ -366,10 +366,27 @@ def test_a_misspelt_offer_names_the_device_that_may_be_meant(plain: Path, caplog
     declared = {"offers.frnt.Laser.middleware": "zeromq", "offers.still.Laser.middleware": "zeromq"}
     with ComponentTest(
         load_component(plain), {"params.scene": str(plain.parent / "room.xml")} | declared, virtual=True
+    ) as house:
+        for name in ("a", "b"):  # after an edit, the same is not told again
+            tree = house.worker.world.tree.copy()
+            tree.add("world", "plane", name)
+            house.worker.world.change(tree)
+            house.worker.settle()
+    told = [each.getMessage() for each in caplog.records if "offers frnt" in each.getMessage()]
+    assert len(told) == 1
+    assert told[0] == "the network declares `offers frnt : Laser`: unknown Laser `frnt`; did you mean `front`?"
+
+
+def test_what_the_network_does_not_declare_is_told_once(plain: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "robocomp.sim")
+    declared = {"offers.still.Laser.middleware": "zeromq"}
+    with ComponentTest(
+        load_component(plain), {"params.scene": str(plain.parent / "room.xml")} | declared, virtual=True
     ):
         pass
-    told = [each.getMessage() for each in caplog.records if "offers frnt" in each.getMessage()]
-    assert told[0] == "the network declares `offers frnt : Laser`: unknown Laser `frnt`; did you mean `front`?"
+    [told] = [each.getMessage() for each in caplog.records if "does not declare" in each.getMessage()]
+    assert told.startswith("the network does not declare base/DifferentialRobot, chair/DifferentialRobot, ")
+    assert told.endswith("; `rc sim offers` prints the lines")
 
 
 def test_tags_whose_ids_are_checked_are_those_of_devices() -> None:

@@ -84,6 +84,8 @@ class Simulator(Controlled, Managed):
     remote: Remote | None = None
     """The process that draws, with `render = "process"`, which its owner closes. None: the component has its own."""
     _studio: Studio | None = None
+    _logged: frozenset[str] = frozenset()
+    """What only the scene has or only the network declares, which has been logged."""
 
     def initialize(self) -> None:
         """Read the scene, and add its devices. Raises ConfigurationError for a scene that cannot be simulated."""
@@ -128,6 +130,8 @@ class Simulator(Controlled, Managed):
         """Add what the scene has and the network declares, and remove what the scene has no longer."""
         self._tree = self.world.tree
         self._motors, found = motors(self._tree), offers(self._tree, self.world.lidars)
+        undeclared: list[str] = []
+        absent: list[tuple[str, str, list[str]]] = []
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
             for name in sorted(set(instances) - set(names)):
@@ -137,18 +141,21 @@ class Simulator(Controlled, Managed):
                 if name in instances:
                     continue
                 if not instances.is_declared(name):
-                    text = "%s/%s: the network does not declare it; `rc sim offers` prints the lines"
-                    log.info(text, name, port.interface.short)
+                    undeclared.append(f"{name}/{port.interface.short}")
                 elif isinstance(instances, NamedHandlers):
                     instances.add(name, self._handler(port.interface, name))
                 elif isinstance(instances, NamedProxies):
                     self._publish(port, name, instances.add(name))
-            for name in instances.absent:
-                short = port.interface.short
-                log.warning("the network declares `offers %s : %s`: %s", name, short, unknown(short, name, names))
+            absent += [(port.interface.short, name, names) for name in instances.absent]
             if port.interface.short == "JointMotor" and isinstance(instances, NamedHandlers):
                 for name, handler in instances.items():
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
+        if fresh := [each for each in undeclared if each not in self._logged]:
+            log.info("the network does not declare %s; `rc sim offers` prints the lines", ", ".join(fresh))
+        for short, name, names in absent:
+            if f"{name}/{short}" not in self._logged:
+                log.warning("the network declares `offers %s : %s`: %s", name, short, unknown(short, name, names))
+        self._logged = frozenset((*undeclared, *(f"{name}/{short}" for short, name, _ in absent)))
 
     def _publish(self, port: Port, name: str, proxy: Any) -> None:
         """Publish what an instance tells in each `compute`."""
