@@ -119,6 +119,19 @@ arm.idsl:3:15: error[duplicate]: `Arm` and `arm` both need the name `ARM_INTERFA
         interface arm { };
                   ^^^""",
     ),
+    "two components that offer one name": (
+        "two.ddsl",
+        "Deployment two\n{\n    Component north { offers laser : Laser; };\n"
+        "    Component south { offers laser : Laser; };\n};",
+        """\
+two.ddsl:4:30: error[duplicate]: `laser` is offered by `north`, too
+        Component south { offers laser : Laser; };
+                                 ^^^^^
+    rename one of them, or put each component into a `System` of its own
+  two.ddsl:3:30: first here
+        Component north { offers laser : Laser; };
+                                 ^^^^^""",
+    ),
     "two handlers of one name": (
         "arm.cdsl",
         'import "M.idsl"; import "N.idsl";\nComponent arm { Communications { implements A, A_B; }; language python; };',

@@ -24,7 +24,8 @@ def check_offers(model: m.Deployment, report: Report) -> None:
         elif owner is instance:
             message, hint = f"`{name}` is offered twice", "list the interfaces in one: offers NAME : Laser, LaserPub;"
         else:
-            message, hint = f"`{name}` is offered by `{owner.name}`, too", "rename one of them"
+            message = f"`{name}` is offered by `{owner.name}`, too"
+            hint = "rename one of them, or put each component into a `System` of its own"
         report.error("duplicate", message, name.span, hint, ("first here", at.span))
     systems = {each.name.text: each.name for each in model.systems}
     for offer in (each for instance in model.instances for each in instance.offers):
