@@ -43,6 +43,8 @@ class Drive:
     odometry: Three
     corrected: Three
     """The last correction, moved on by the odometry since."""
+    wheels: Three = (0.0, 0.0, 0.0)
+    """The speed that its wheels had in the last tick; what it was told, before the next one."""
 
 
 Arc = tuple[float, float, float, float, float]

@@ -39,6 +39,9 @@ _LEAST_ROOM = 0.01
 _EXACT = 1.0, 1.0, 1.0
 """What no noise makes of the parts of a base's speed."""
 
+_AT_REST = 0.0, 0.0, 0.0
+"""The speed of wheels that stand still."""
+
 _NO_ROOM = Room(0.0, 0.0)
 
 _LEAST_WAY = 1e-12
@@ -157,6 +160,8 @@ class Motion(State):
             to_x, to_z, to = places[base.x], places[base.z], places[base.turn]
             if to_x != x or to_z != z or to != turn:
                 self._roll(drive, (x * 1000.0, z * 1000.0, turn), (to_x * 1000.0, to_z * 1000.0, to), factors)
+            else:
+                drive.wheels = _AT_REST
 
     def _unstable(self) -> str:
         """The node of the first body that has no place, speed or acceleration any more."""
@@ -185,11 +190,13 @@ class Motion(State):
     def _roll(self, drive: Drive, before: Three, after: Three, factors: Sequence[float]) -> None:
         """Let the wheels of a base measure how it has moved in a tick; noise does `factors` to its speed."""
         if after == before:
+            drive.wheels = _AT_REST
             return
         tick, odometry, corrected = self._tick, drive.odometry, drive.corrected
         speed = between(before, after, tick)
         if factors is not _EXACT:
             speed = speed[0] / factors[0], speed[1] / factors[1], speed[2] / factors[2]
+        drive.wheels = speed
         drive.odometry = moved(odometry, speed, tick)
         is_corrected = corrected is not odometry and corrected != odometry
         drive.corrected = moved(corrected, speed, tick) if is_corrected else drive.odometry
@@ -218,18 +225,23 @@ class Motion(State):
         length, told = self._tick, drive.speed
         wheels = arc(told, length)
         if self._goes_on(base, drive, count):
-            _roll_along(drive, wheels, self._move(base, wheels, count))
+            moved_for = self._move(base, wheels, count)
+            _roll_along(drive, wheels, moved_for)
+            drive.wheels = told if moved_for == count else _AT_REST
             return
         ticks = range(self._ticks + 1, self._ticks + count + 1)
         for tick, factors in zip(ticks, self._factors(base.name, ticks), strict=True):
             self._expire(drive, self._pose(base), tick)
             if drive.speed is not told or not any(told):
+                drive.wheels = drive.speed
                 return
             motion = wheels
             if factors is not _EXACT:
                 ahead, aside, turn = told
                 motion = arc((ahead * factors[0], aside * factors[1], turn * factors[2]), length)
-            _roll_along(drive, wheels, self._move(base, motion, 1))
+            moved_for = self._move(base, motion, 1)
+            _roll_along(drive, wheels, moved_for)
+            drive.wheels = told if moved_for else _AT_REST
 
     def _goes_on(self, base: Base, drive: Drive, count: int) -> bool:
         """Whether a base certainly moves on for `count` ticks: its command does not expire, and `FARTHEST` is far."""

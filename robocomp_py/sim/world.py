@@ -41,7 +41,7 @@ from .state import FARTHEST, check_tree, existing
 from .touching import Touching
 
 _STILL, _STILL_MM = 0.001, 0.1
-"""rad/s and mm/s: with physics on, a slower joint stands still."""
+"""rad/s and mm/s: with physics on, what is slower stands still."""
 
 
 class Overlap(RobocompError):
@@ -171,6 +171,8 @@ class World(Motion, Touching):
             self.release(gripper)
         self._physics = on
         self._data.qvel[:] = 0.0
+        for drive in self._drives.values():
+            drive.wheels = drive.speed
         self._inertias = {name: inertia._replace(velocity=(0.0, 0.0, 0.0)) for name, inertia in self._inertias.items()}
         self._set_motors({name: motor._replace(position=self.position(name)) for name, motor in self._motors.items()})
 
@@ -229,6 +231,7 @@ class World(Motion, Touching):
         speed = Speed(*_near("speed", ahead, aside if found.is_omni else 0.0, turn))
         drive = self._drives[base]
         drive.speed, drive.expires = speed, self._ticks + self._hold if self._hold else None
+        drive.wheels = speed
 
     def move_joint(self, joint: str, position: float, speed: float = 0.0) -> float:
         """Move a joint to a position in rad, or mm if it slides, at rad/s or mm/s; a speed of 0: at once.
@@ -354,8 +357,15 @@ class World(Motion, Touching):
         return Pose(*self._drive(base).corrected)
 
     def speed(self, base: str) -> Speed:
-        """What the base does, without its noise."""
-        return self._drive(base).speed
+        """What the wheels of a base do, without its noise: 0 if it is blocked.
+
+        With physics on, less than 0.1 mm/s and 0.001 rad/s count as 0.
+        """
+        ahead, aside, turn = self._drive(base).wheels
+        if self._physics:
+            ahead, aside = (each if abs(each) > _STILL_MM else 0.0 for each in (ahead, aside))
+            turn = turn if abs(turn) > _STILL else 0.0
+        return Speed(ahead, aside, turn)
 
     def joint_speed(self, joint: str) -> float:
         """Of a joint: rad/s, or mm/s if it slides."""

@@ -51,6 +51,28 @@ def hall(tmp_path: Path) -> World:
 # Free bodies.
 
 
+@pytest.mark.parametrize("physics", [False, True])
+def test_the_speed_of_a_base_is_that_of_its_wheels(physics: bool) -> None:
+    tree = Tree()
+    tree.add("root", "plane", "wall", pz=1000.0, py=200.0, size=(900.0, 400.0, 100.0), collide=True)
+    tree.add("root", "differentialrobot", "base", collide=True)
+    tree.add("base", "plane", "body", size=(300.0, 300.0, 300.0), py=160.0, collide=True)
+    world = World(tree, physics=physics, hold=0)
+    world.drive("base", ahead=500.0)
+    world.step(1)
+    assert world.speed("base").ahead == pytest.approx(9.81 * 5.0 if physics else 500.0)
+    world.step(199)
+    assert world.speed("base").ahead == pytest.approx(500.0)
+    world.step(400)
+    assert world.speed("base") == (0.0, 0.0, 0.0)  # it is at the wall
+    world.drive("base", ahead=-500.0)
+    world.step(50)
+    assert world.speed("base").ahead == pytest.approx(-500.0)
+    world.drive("base")
+    world.step(50)
+    assert world.speed("base") == (0.0, 0.0, 0.0)
+
+
 def test_a_pushed_box_moves_with_physics_and_not_without(tmp_path: Path) -> None:
     for physics in (True, False):
         hall = world(tmp_path, physics=physics, hold=0)
