@@ -135,6 +135,7 @@ def _print(result: Result, took: float, options: argparse.Namespace) -> None:
 
 def _bisect(options: argparse.Namespace) -> int:
     from ..errors import ConfigurationError, RobocompError
+    from ..printable import one_line
     from ..tools.diary.bisect import first_that_differs
     from ..tools.diary.events import DiaryReader
 
@@ -143,25 +144,29 @@ def _bisect(options: argparse.Namespace) -> int:
         raise ConfigurationError(f"--bisect {options.bisect}: write GOOD..BAD, two names of commits")
     with DiaryReader(options.diary):
         pass  # a broken diary is told before anything is checked out
-    told: dict[str, str] = {}
+    begun = False
 
-    def differs(folder: Path) -> bool:
+    def differs(folder: Path) -> str:
+        nonlocal begun
         command = [sys.executable, "-m", "robocomp_py.cli.rc", NAME, str(folder), str(options.diary), "--json"]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode not in (FINE, WRONG) or not done.stdout.strip():
             raise RobocompError(f"it cannot be run again as it was in this commit: {done.stderr.strip()}")
         found = json.loads(done.stdout)["differences"]
-        if found:
-            told["first"] = f"at {found[0]['seconds']:.2f} s, event {found[0]['event']}: {found[0]['what']}"
-        print("." if not found else "x", end="", file=sys.stderr, flush=True)
-        return bool(found)
+        begun = True
+        print("x" if found else ".", end="", file=sys.stderr, flush=True)
+        return f"at {found[0]['seconds']:.2f} s, event {found[0]['event']}: {found[0]['what']}" if found else ""
 
     try:
-        commit, subject, tried = first_that_differs(options.component, good, bad, differs)
+        found = first_that_differs(options.component, good, bad, differs)
     finally:
-        print(file=sys.stderr)
+        if begun:
+            print(file=sys.stderr)
     if options.json:
-        print(json.dumps({"commit": commit, "subject": subject, "tried": tried}))
+        print(json.dumps(found._asdict()))
     else:
-        print(f"the first of them that differs is {commit[:12]}: {subject} ({tried} commits were tried)")
+        print(
+            f"the first of them that differs is {found.commit[:12]}: {found.subject} ({found.tried} commits were tried)"
+        )
+        print(one_line(found.difference))
     return WRONG

@@ -8,18 +8,27 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from ...errors import ConfigurationError, RobocompError
 
-Differs = Callable[[Path], bool]
-"""Whether the component in a folder does something else than the diary says."""
+Differs = Callable[[Path], str]
+"""The first thing that the component in a folder does otherwise than the diary says; "" if there is none."""
 
 _DEADLINE = 60.0
 """Seconds for one command of Git."""
 
 
-def first_that_differs(folder: Path, good: str, bad: str, differs: Differs) -> tuple[str, str, int]:
-    """The commit, its subject, and how many commits were tried.
+class Found(NamedTuple):
+    commit: str
+    subject: str
+    difference: str
+    tried: int
+    """Commits that were run again."""
+
+
+def first_that_differs(folder: Path, good: str, bad: str, differs: Differs) -> Found:
+    """The first commit after `good`, up to `bad`, that differs.
 
     Raises ConfigurationError if there are no such commits, or if `good` differs or `bad` does not.
     """
@@ -29,13 +38,12 @@ def first_that_differs(folder: Path, good: str, bad: str, differs: Differs) -> t
     commits = _git(folder, "rev-list", "--reverse", "--first-parent", f"{first}..{_commit(folder, bad)}").split()
     if not commits:
         raise ConfigurationError(f"there is no commit in {good}..{bad}")
-    tried = 0
+    tried: dict[str, str] = {}
 
     def is_bad(commit: str) -> bool:
-        nonlocal tried
-        tried += 1
         with _checked_out(root, inside, folder, commit) as there:
-            return differs(there)
+            tried[commit] = differs(there)
+        return bool(tried[commit])
 
     if is_bad(first):
         raise ConfigurationError(f"{good} differs from the diary already; give a commit that does not")
@@ -48,7 +56,8 @@ def first_that_differs(folder: Path, good: str, bad: str, differs: Differs) -> t
             high = middle
         else:
             low = middle + 1
-    return commits[low], _git(folder, "log", "-1", "--format=%s", commits[low]), tried
+    found = commits[low]
+    return Found(found, _git(folder, "log", "-1", "--format=%s", found), tried[found], len(tried))
 
 
 def _commit(folder: Path, name: str) -> str:

@@ -6,6 +6,7 @@ import itertools
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -404,14 +405,16 @@ def test_the_first_commit_that_differs_is_found(
     words = ["rerun", str(counter), str(tmp_path / "counter.mcap"), "--bisect"]
     capfd.readouterr()
     assert rc.main([*words, "v0..v4"]) == 1
-    assert ": version 3 (" in capfd.readouterr().out
+    first, second = capfd.readouterr().out.splitlines()
+    assert ": version 3 (" in first
+    assert re.fullmatch(r"at [\d.]+ s, event \d+: numberpub\.counted\.number was 1, is 5", second)
     assert not list(tmp_path.glob(".git/worktrees/*"))
     assert rc.main([*words, "v0..v2"]) == 2
     assert "v2 does not differ from the diary" in capfd.readouterr().err
     assert rc.main([*words, "v3..v4"]) == 2
     assert "v3 differs from the diary already" in capfd.readouterr().err
     assert rc.main([*words, "v0..v9"]) == 2
-    assert "`v9` is no commit here" in capfd.readouterr().err
+    assert capfd.readouterr().err == "rc rerun: `v9` is no commit here\n"
     assert rc.main([*words, "v0"]) == 2
     assert "--bisect v0: write GOOD..BAD, two names of commits" in capfd.readouterr().err
 
