@@ -68,9 +68,9 @@ fuzz: .venv/ready  ## damaged texts and any messages (TEXTS=… for each test), 
 	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py tests/wire/test_codecs.py tests/wire/test_cdr.py $(ARGS)
 	$(BIN)/python -m tests.faults --only malformed --frames $(or $(FRAMES),1000000)
 
-seeds: .venv/ready  ## simulated stories with twenty seeds (SEEDS=…), where `make test-tools` has four
+seeds: .venv/ready  ## simulated stories twice with twenty seeds (SEEDS=…), where `make test-tools` repeats four
 	ROBOCOMP_SEEDS=$(or $(SEEDS),20) $(BIN)/pytest -m tool --timeout 900 --numprocesses 2 --dist worksteal $(ARGS) \
-	  tests/components/test_arena.py tests/components/test_arms.py tests/components/test_ward.py tests/lockstep/test_scenes.py
+	  tests/components/test_arena.py tests/lockstep/test_scenes.py
 
 faults: .venv/ready  ## the fault matrix, and docs/explanation/fault-matrix.md; hours, needs root (ARGS="--only kill", --help)
 	$(BIN)/python -m tests.faults --write $(ARGS)

@@ -102,7 +102,7 @@ def test_a_short_story_ends_well(network: str, seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("network", NETWORKS)
 def test_every_seed_ends_well_and_nothing_collides(network: str, seed: int) -> None:
-    """Of the bottle, each seed has 4 places. Every tick is looked at with two seeds: that takes twice as long."""
+    """Of the bottle, this is 4 times 20 places. Every tick is looked at with two seeds: that takes twice as long."""
     every_tick = [("world", "component.period=0.005")] if seed < 2 else []
     assert collisions(run(network, seed, every_tick)) == set()
 

@@ -46,7 +46,7 @@ def test_the_chair_arrives() -> None:
 def test_the_chair_arrives_with_every_noise_and_every_run_is_the_same() -> None:
     hashes = [arrives(seed) for seed in SEEDS]
     assert len(set(hashes)) == len(SEEDS)
-    assert arrives(SEEDS[-1]) == hashes[-1]
+    assert arrives(SEEDS[7]) == hashes[7]
 
 
 def test_it_waits_while_something_is_in_its_way(caplog: pytest.LogCaptureFixture) -> None:
