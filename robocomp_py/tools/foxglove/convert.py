@@ -50,6 +50,11 @@ class Converter(NamedTuple):
     convert: Convert
 
 
+def frame_of(topic: str) -> str:
+    """The instance that publishes a topic; of a topic with another kind of name, such as `rosout`, its first part."""
+    return topic.split("/")[-3:][0]
+
+
 def converters(operation: Operation[Any]) -> Iterator[tuple[int, Converter]]:
     """The parameters of a topic that can be shown: the number of each, and what converts its values."""
     for number, field in enumerate(operation.inputs):

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...errors import DecodeError
-from ...wire import names
 from ..recording.bag import Foreign
 from ..recording.reader import Recorded, RecordedTopic
-from .convert import Converter, converters
+from .convert import Converter, converters, frame_of
 
 
 class Drawn:
@@ -34,7 +33,7 @@ class Drawn:
         except DecodeError:
             return
         for number, each in found:
-            drawn = each.convert(values[number], message.publish_time, names.instance(topic.name))
+            drawn = each.convert(values[number], message.publish_time, frame_of(topic.name))
             if drawn is not None:
                 yield self._topic(topic, type(drawn)), drawn.encode()
 

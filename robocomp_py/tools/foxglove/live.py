@@ -15,11 +15,10 @@ import foxglove
 from ...closing import Closing
 from ...errors import DecodeError, EncodeError, TransportError
 from ...threads import start_thread
-from ...wire import names
 from ...wire.cdr import Cdr
 from ...wire.codec import Payload
 from ..recording.layout import Topic
-from .convert import converters
+from .convert import converters, frame_of
 
 log = logging.getLogger("robocomp.tools")
 
@@ -38,7 +37,7 @@ class Track:
         self.channel = bridge.advertise(topic)
         self._decode = Cdr().decoder(topic.operation.request)
         self._converters = list(converters(topic.operation))
-        self._frame = names.instance(topic.name)
+        self._frame = frame_of(topic.name)
         self._shown = {kind: self._advertised(kind) for _, each in self._converters for kind in each.kinds}
 
     def put(self, payload: Payload, stamp: int = 0, sequence: int = 0) -> None:

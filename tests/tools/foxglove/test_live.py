@@ -116,10 +116,10 @@ def test_a_topic_whose_contract_is_in_an_idsl_file_is_shown(own_runtime_folder: 
         assert "int32 number\nstring text" in client.channels["/terse/Everything/news"]["schema"]
 
 
-def recorded(folder: Path, count: int) -> Path:
+def recorded(folder: Path, count: int, name: str = "world/LaserPub/pushLaserData") -> Path:
     """A recording of scans, ten a second; the number of each, in mm, is in its left distance."""
     writer = BagWriter(folder, Options())
-    number = writer.add(Topic("world/LaserPub/pushLaserData", SCAN, "world"))
+    number = writer.add(Topic(name, SCAN, "world"))
     encode = Cdr().encoder(SCAN.request)
     for at in range(count):
         writer.write(number, bytes(encode(([(-0.5, 1000.0 + at), (0.5, 2000.0)],))), at * 10**8, at * 10**8 + 1, at)
@@ -165,6 +165,15 @@ def test_a_recording_is_shown_with_its_times(tmp_path: Path) -> None:
     assert data == drawn(stamp)
     ((first, _),) = Cdr().decoder(SCAN.request)(plain)
     assert first[0] == -0.5
+
+
+def test_topics_of_a_recording_may_have_other_names_than_those_of_components(tmp_path: Path) -> None:
+    """As log records have, and topics that other programs have recorded."""
+    run = recorded(tmp_path / "run", 300, "world")
+    assert rc.main(["bag", "convert", str(run), "--to", "foxglove", "-o", str(tmp_path / "drawn")]) == 0
+    with served(str(run)) as address, connected(address) as client:
+        stamp, data = client.hear("/world/LaserScan")
+    assert data == drawn(stamp)
 
 
 @pytest.mark.parametrize(
