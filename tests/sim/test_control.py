@@ -194,7 +194,7 @@ def test_what_has_moved_is_published(house: ComponentTest) -> None:
         ("reset", (-1,), "a seed of -1: it is 0 or more"),
         ("setNoise", ("bass", 1.0), "did you mean `base`?"),
         ("setNoise", ("base", math.inf), "inf is no standard deviation"),
-        ("attach", ("hand",), "unknown gripper `hand`"),
+        ("attach", ("hand",), "unknown gripper `hand`; known: none; `suction`, in an item of the parameter `bodies`,"),
         ("detach", ("hand",), "unknown gripper `hand`"),
         ("restore", (99,), "there is no saved state 99"),
         ("poses", (["base", "pann"],), "unknown node `pann`; did you mean `pan`?"),

@@ -41,6 +41,8 @@ _MOST_PLANS, _MOST_PLANNED = 64, 600.0
 _BUSY = 0.8
 """The part of a period for which a scene goes on that is as fast as possible. Handlers run in the rest."""
 
+_SUCTION = "; `suction`, in an item of the parameter `bodies`, makes a node one"
+
 _CHUNK = 20
 """Ticks between two looks at the clock, if the scene is as fast as possible."""
 
@@ -177,14 +179,14 @@ class Controlled(Worker[Any]):
         try:
             return self.world.grip(gripper)
         except InnerModelError as exc:
-            raise self._refusal("attach", str(exc)) from exc
+            raise self._refusal("attach", f"{exc}{_SUCTION}") from exc
 
     def Simulation_detach(self, gripper: str) -> None:
         """Switch a suction cup or magnet off."""
         try:
             self.world.release(gripper)
         except InnerModelError as exc:
-            raise self._refusal("detach", str(exc)) from exc
+            raise self._refusal("detach", f"{exc}{_SUCTION}") from exc
 
     def Simulation_save(self) -> int:
         """Keep the state of now; returns a token for it."""
