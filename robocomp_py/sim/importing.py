@@ -6,6 +6,7 @@ InnerModel does not have is left out, and listed.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -54,17 +55,26 @@ def imported(path: Path, meshes: str = "meshes") -> Imported:
 
     Raises InnerModelError for a file that MuJoCo cannot read, and for a joint that InnerModel does not have.
     """
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        model = _read(path)
+    made = converted(model, meshes)
+    made.left_out.extend(f"MuJoCo warns: {' '.join(str(each.message).split())}" for each in told)
+    return made
+
+
+def _read(path: Path) -> mujoco.MjModel:
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False  # else links that cannot move lose their frames
         spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # masses of links are left out, and may be missing
         spec.compiler.balanceinertia = True
-        model = spec.compile()
+        model: mujoco.MjModel = spec.compile()
     except ValueError as exc:
         raise InnerModelError(f"{path}: MuJoCo cannot read it: {' '.join(str(exc).split())}") from exc
     if model.nbody + model.ngeom == 1:
         raise InnerModelError(f"{path}: it has no link and no shape")
-    return converted(model, meshes)
+    return model
 
 
 def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:

@@ -185,6 +185,14 @@ def test_what_a_scene_does_not_have_is_left_out_and_told() -> None:
     assert found.left_out == ["the hfield hills", "2 cameras", "that b follows a"]
 
 
+def test_a_warning_of_mujoco_is_told_with_the_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "old.xml").write_text(f'<mujoco><compiler settotalmass="9"/><worldbody>{WALKER}</worldbody></mujoco>')
+    assert rc(["sim", "import", str(tmp_path / "old.xml"), "-o", str(tmp_path / "scene.xml")]) == 0
+    said = capsys.readouterr()
+    assert "MuJoCo warns: compiler attribute 'settotalmass' is deprecated" in said.out
+    assert not said.err
+
+
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
