@@ -10,8 +10,9 @@ from .nodes import CHOICES, Attribute, Kind, Value
 _NEVER_NEGATIVE = frozenset(("width", "height", "measures", "port", "noise", "mass", "focal", "length"))
 """Attributes that may not be negative."""
 
-_HIGHEST_PORT = 65535
-_MOST_PIXELS = 16384
+_MOST = {"port": 65535, "width": 16384, "height": 16384, "measures": 100_000}
+"""The greatest values of whole numbers."""
+
 _MOST_NUMBERS = 3
 
 _NEVER_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -66,11 +67,11 @@ def _amiss_in_number(attribute: Attribute, value: Value, text: str) -> str:
     name = attribute.name
     if not isinstance(value, (int, float)):
         return f"is {attribute.kind.value}, not `{text}`"
-    if math.isnan(value) or (math.isinf(value) and name not in ("min", "max")):
+    if math.isnan(value) or (math.isinf(value) and attribute.default not in (-math.inf, math.inf)):
         return f"is `{text}`, which is no finite number"
     if value < 0 and name in _NEVER_NEGATIVE:
         return "is negative"
-    most = _HIGHEST_PORT if name == "port" else _MOST_PIXELS if name in ("width", "height") else 2**31 - 1
+    most = _MOST.get(name, 2**31 - 1)
     if attribute.kind is Kind.COUNT and (value != int(value) or value > most):
         return f"is a whole number of at most {most}, not `{text}`"
     return ""

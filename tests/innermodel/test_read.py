@@ -85,6 +85,26 @@ def test_a_text_that_counts_as_0_has_a_remedy(tmp_path: Path, tag: str, written:
     assert (problem.code, problem.hint, problem.is_error) == ("read-otherwise", hint, False)
 
 
+@pytest.mark.parametrize(
+    ("tag", "written", "told"),
+    [
+        ("laser", 'measures="9" angle="3" max="inf"', "`max` is `inf`, which is no finite number"),
+        (
+            "laser",
+            'measures="200000" angle="3" max="9"',
+            "`measures` is a whole number of at most 100000, not `200000`",
+        ),
+        ("rgbd", 'width="20000"', "`width` is a whole number of at most 16384, not `20000`"),
+        ("imu", 'port="99999"', "`port` is a whole number of at most 65535, not `99999`"),
+        ("joint", 'min="nan"', "`min` is `nan`, which is no finite number"),
+    ],
+)
+def test_a_number_that_nothing_can_have_is_an_error(tmp_path: Path, tag: str, written: str, told: str) -> None:
+    (problem,) = model(tmp_path, f'<{tag} id="a" {written}/>').errors
+    assert (problem.code, problem.message) == ("wrong-value", told)
+    assert not model(tmp_path, '<joint id="a" min="-inf" max="inf"/>').problems
+
+
 def test_values_that_cannot_be_meant_are_read_as_robocomp_reads_them(tmp_path: Path) -> None:
     text = '<joint id="a" min="2" max="1"/><plane id="b" texture="#12" size="0,0,0"/><mesh id="c"/>'
     laser = '<laser id="d/e" measures="9" min="5" max="4" angle="180"/>'
