@@ -97,7 +97,8 @@ def run(options: argparse.Namespace) -> int:
             number = len(facts.network.components())
             machines = [*(["this machine"] if hosts.here else []), *(each.host for each in facts.places)]
             checks = len(set(options.check)) or len(CHECKS)
-            looked = f"{checks} check{'s' * (checks != 1)} of {', '.join(machines)} and {number} components"
+            components = f"{number} component{'s' * (number != 1)}"
+            looked = f"{checks} check{'s' * (checks != 1)} of {', '.join(machines)} and {components}"
             also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
             print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
         return code_of(hosts, WRONG if wrong or troubles else FINE)

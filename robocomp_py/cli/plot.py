@@ -48,7 +48,14 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="a topic or a part of its name, and a path in its messages: world/LaserPub.scan[0].dist",
     )
     completed(names, What.RECORDED)
-    to.add_argument("-o", dest="output", type=Path, required=True, metavar="PICTURE", help="a new .svg, .png or .pdf")
+    to.add_argument(
+        "-o",
+        dest="output",
+        type=Path,
+        required=True,
+        metavar="PICTURE",
+        help="a .svg, .png or .pdf; one that exists is replaced",
+    )
     to.add_argument("--latency", action="store_true", help="draw how long messages were on their way")
     add_span(to)
     add_json(to)

@@ -125,6 +125,8 @@ def run(options: argparse.Namespace) -> int:
             for name in left_out.keys() - {each.topic.name for each in answers}:
                 _tell(f"{name} is left out: {left_out[name]}")
             if options.answer and not answers:
+                if options.only and answers_of(recording, (), remaps):
+                    raise Absent(f"{options.recording}: its queries are left out by --only; name them there, too")
                 raise Absent(f"{options.recording}: it has no queries; `rc record --calls` records them")
             if not parts and not answers:
                 raise Absent(f"{options.recording}: it has nothing to replay")

@@ -112,6 +112,16 @@ def test_a_missing_server_is_found_and_so_is_a_missing_publisher() -> None:
     ]
 
 
+def test_a_missing_server_of_an_action_is_told_once() -> None:
+    parts = (
+        ("calls", "arm/Arm/lift-start"),
+        ("subscribes", "arm/Arm/lift-feedback"),
+        ("subscribes", "arm/Arm/lift-status"),
+    )
+    (found,) = findings(facts(*(end("hand", *part) for part in parts)), "servers")
+    assert found.startswith("error hand uses Arm of arm, ")
+
+
 def test_of_a_declared_instance_the_command_is_told_that_shows_its_log() -> None:
     given = facts(components=(Asked("arm", 8, "S"), Asked("world", 9, "S")), plans=({"name": 1}, plan()))
     arm, world = findings(given, "silent")

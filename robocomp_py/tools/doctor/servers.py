@@ -19,6 +19,8 @@ def find(facts: Facts) -> Iterator[Finding]:
         pattern = PATTERNS[end.role]
         if end.provides or _is_provided(facts, end.told.channel, pattern):
             continue
+        if pattern is Pattern.PUBLISH and "-" in end.told.channel.rpartition("/")[2]:
+            continue  # the feedback of an action, which is served with its queries
         instance, interface = names.instance(end.told.channel), names.segment(end.told.channel)
         whose = interface if instance == names.ANY else f"{interface} of {instance}"
         does, weight = ("subscribes to", Weight.WARN) if pattern is Pattern.PUBLISH else ("uses", Weight.ERROR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import heapq
 import json
@@ -81,12 +82,11 @@ def write_csv(
     """
     tables = _Tables(folder)
     try:
-        for message in recording.messages(names):
-            tables.add(message)
+        with contextlib.closing(tables):  # which writes what is left
+            for message in recording.messages(names):
+                tables.add(message)
     except OSError as exc:
         raise RecordingError(f"{folder}: {exc.strerror or exc}") from exc
-    finally:
-        tables.close()
     return tables.rows, tables.left_out
 
 
@@ -125,8 +125,9 @@ class _Tables:
         self.rows[Path(to.name)] += 1
 
     def close(self) -> None:
-        for file, _, _ in self._open.values():
-            file.close()
+        with contextlib.ExitStack() as end:
+            for file, _, _ in self._open.values():
+                end.callback(file.close)
 
 
 def _columns(fields: Sequence[Field], before: str = "") -> Iterator[str]:

@@ -110,9 +110,9 @@ def _groups(recording: Recording, word: str) -> Iterator[list[_Line]]:
             raise RecordingError(f"{topic.name}: {exc}") from exc
         if not found:
             fields = ", ".join(f"{one.name} {types.spell(one.type)}" for one in inputs)
+            what = f"`{path}`" if path else "a message"
             raise RecordingError(
-                f"{topic.name}: `{path or 'a message'}` has no numbers outside of sequences; "
-                f"a message has {fields or 'no fields'}"
+                f"{topic.name}: {what} has no numbers outside of sequences; a message has {fields or 'no fields'}"
             )
         yield [_Line(topic.name, spelt, places) for spelt, places in found]
 

@@ -211,6 +211,15 @@ def test_names_of_types_are_converted(run: Path, tmp_path: Path, capsys: pytest.
     assert numbers_in(tmp_path / "back") == list(range(6))
 
 
+def test_a_full_disk_is_told_with_the_folder_of_the_tables(run: Path, tmp_path: Path) -> None:
+    """What is left is written when the files are closed."""
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); "
+    command = ["bag", "convert", str(run), "--to", "csv", "-o", str(tmp_path / "tables")]
+    code = f"{limit}from robocomp_py.cli import rc; raise SystemExit(rc.main({command!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (1, f"rc bag convert: {tmp_path}/tables: File too large\n")
+
+
 def test_a_table_is_written(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said(capsys, "bag", "convert", run, "--to", "csv", "-o", tmp_path / "tables")
     with open(tmp_path / "tables" / "hall.News.told.csv", newline="") as file:

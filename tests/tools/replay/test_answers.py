@@ -129,4 +129,5 @@ def test_what_cannot_be_answered_is_told(tmp_path: Path, capsys: pytest.CaptureF
     told = complained(capsys, recorded(tmp_path / "topics"), "--answer")
     assert "it has no queries; `rc record --calls` records them" in told
     run = answered(tmp_path / "run", (3, 1))
+    assert "its queries are left out by --only" in complained(capsys, run, "--answer", "--only", "poke")
     assert f"nothing calls {CHANNEL}" in complained(capsys, run, "--answer", "--timeout", "0.1")
