@@ -161,7 +161,8 @@ def test_simulation_is_measured(tmp_path: Path) -> None:
         "laser, 1080 rays",
         "add a node, 341 shapes",
         "remove a node, 341 shapes",
-        "step of an environment, 61 shapes, 90 rays, physics on",
+        "step of an environment, 61 shapes, 90 rays and a pose with speeds, physics off",
+        "step of an environment, 61 shapes, 90 rays and a pose with speeds, physics on",
     ]
     assert all(row["ours"] > 0 for row in rows.values())
 
