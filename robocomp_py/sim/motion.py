@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import operator
 from collections.abc import Sequence
 
@@ -116,11 +117,9 @@ class Motion(State):
         Each of them moves for many ticks at once, unless something looks at the others in between.
         """
         moving = [(base, drive) for base, drive in self._driven if drive.expires is not None or any(drive.speed)]
-        is_alone = len(moving) == 1 and not self._busy
-        is_seen = bool(self._imus) or (not is_alone and any(base.collides for base, _ in moving))
-        at_once, last = 1 if is_seen else min(max(count - 1, 1), _AT_ONCE), self._ticks + count
+        last = self._ticks + count
         while self._ticks < last:
-            passing = min(at_once, last - self._ticks)
+            passing = min(self._at_once(moving), max(last - self._ticks - 1, 1))
             has_speeds = bool(self._imus) or self._ticks + passing == last
             before = self._data.qpos.copy() if has_speeds else None
             if self._busy:
@@ -132,6 +131,23 @@ class Motion(State):
                 mujoco.mj_differentiatePos(self._scene.model, self._data.qvel, self._tick, before, self._data.qpos)
             if self._imus:
                 self._feel()
+
+    def _at_once(self, moving: Sequence[tuple[Base, Drive]]) -> int:
+        """The number of ticks for which a base may move before the next one does: nothing looks at it meanwhile, and
+        nothing else that moves may stop it."""
+        if self._imus:
+            return 1
+        if not any(base.collides for base, _ in moving) or (len(moving) == 1 and not self._busy):
+            return _AT_ONCE
+        if self._busy or any(base.name in self._noise for base, _ in moving):
+            return 1
+        rooms, least, way = self._rooms_now(), math.inf, _LEAST_WAY
+        for base, drive in moving:
+            if any(drive.speed):
+                left, reach = rooms.get(base.name, _NO_ROOM)
+                away, around = extent(arc(drive.speed, self._tick))
+                least, way = min(least, left), way + away + around * reach
+        return int(min(max(least / way, 1.0), _AT_ONCE))
 
     def _act(self) -> None:
         """Let physics move everything for a tick."""

@@ -263,6 +263,36 @@ def test_bases_that_drive_towards_one_another_stop_before_they_touch(tmp_path: P
     assert stops
 
 
+PEN = """\
+<innerModel>
+  <plane id="left" px="-1500" size="90,900,3000" collide="1"/>
+  <plane id="right" px="1500" size="90,900,3000" collide="1"/>
+  <plane id="back" pz="-1500" size="3000,900,90" collide="1"/>
+  <plane id="front" pz="1500" size="3000,900,90" collide="1"/>
+  <omnirobot id="one" tx="-600" collide="1"><plane id="cube" size="300,300,300" collide="1"/></omnirobot>
+  <omnirobot id="other" tx="600" collide="1"><plane id="beam" size="900,90,90" collide="1"/></omnirobot>
+</innerModel>
+"""
+
+
+def test_bases_that_may_touch_move_in_turn(tmp_path: Path) -> None:
+    """They end in the same bits, however many ticks they are asked for at once."""
+    at_once, in_turn = (world(tmp_path, PEN) for _ in range(2))
+    chosen, touched = random.Random(3), 0
+    for _ in range(200):
+        ticks = chosen.choice((1, 7, 40, 300))
+        for name in ("one", "other"):
+            speed = chosen.uniform(-900, 900), chosen.uniform(-900, 900), chosen.choice((0.0, 0.0, 1.0, -9.0))
+            for each in (at_once, in_turn):
+                each.drive(name, *speed)
+        at_once.step(ticks)
+        for _ in range(ticks):
+            in_turn.step()
+        assert at_once.digest() == in_turn.digest()
+        touched += at_once.distance("one", "other") < 20.0
+    assert touched
+
+
 def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
     post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
     room = world(tmp_path, POSTS.format(posts=post))
