@@ -7,7 +7,8 @@ import json
 import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..closing import Closing
 from ..contract.interface import Operation, Pattern
@@ -32,6 +33,12 @@ from ..wire.codec import Codec, Payload
 from . import far
 from .network import TOOL, Channel, Way
 from .thrown import ThrownError as ThrownError
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
+
+AT_ONCE = 64
+"""Components that are asked at the same time."""
 
 MOST_KEPT = 100
 """Links to topics that stay open between messages."""
@@ -67,6 +74,15 @@ class Access(Closing):
         self._sending: dict[Hashable, tuple[Outlet, Call[Any]]] = {}
         """Links of topics that are published to again, the least recently used first."""
         self._end = contextlib.ExitStack()
+
+    @cached_property
+    def threads(self) -> ThreadPoolExecutor:
+        """Threads that ask several components at the same time. They stay, since tools ask every second or so."""
+        from concurrent.futures import ThreadPoolExecutor  # most tools ask one component at a time
+
+        pool = ThreadPoolExecutor(AT_ONCE, "asking")
+        self._end.callback(pool.shutdown)
+        return pool
 
     def close(self) -> None:
         """Close all links, and the middlewares."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import platform
 from collections.abc import Callable, Collection, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -22,6 +21,7 @@ from ..printable import printable
 from ..runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE
 from ..runtime.RoboCompIntrospection import Comment, Description, End, Measures
 from ..transports.deployment import deployment_of
+from .access import AT_ONCE as AT_ONCE
 from .access import Access
 from .network import Channel, Network
 
@@ -29,9 +29,6 @@ INTERFACE = "Introspection"
 
 DEADLINE = 2.0
 """Seconds that a component has for an answer, unless the caller says otherwise."""
-
-AT_ONCE = 64
-"""Components that are asked at the same time."""
 
 _MOST = 8
 """Components that are asked about one channel."""
@@ -78,9 +75,8 @@ def measure_all(access: Access, network: Network, instances: Iterable[str], dead
     than one deadline."""
     names = list(instances)
     prepare(access, network, names, "measure")
-    with ThreadPoolExecutor(AT_ONCE, "asking") as pool:
-        found = pool.map(lambda name: measure(access, network, name, deadline), names)
-        return {name: told for name, told in zip(names, found, strict=True) if told is not None}
+    found = access.threads.map(lambda name: measure(access, network, name, deadline), names)
+    return {name: told for name, told in zip(names, found, strict=True) if told is not None}
 
 
 def set_log_level(access: Access, network: Network, component: str, logger: str, level: str, deadline: float) -> None:
@@ -215,16 +211,21 @@ def _reader(kind: types.Struct, wanted: Any) -> _Reader:
     """Reads structs of a kind: made once, since hundreds of components answer every second or two."""
     contract: types.Struct = wanted.__contract__
     ours = {each.name: each.type for each in contract.fields}
+    shared = [(number, each) for number, each in enumerate(kind.fields) if each.name in ours]
+    same = [(number, each.name) for number, each in shared if _is_same(ours[each.name], each.type)]
     readers = [
         (number, each.name, _reader_of(ours[each.name], each.type))
-        for number, each in enumerate(kind.fields)
-        if each.name in ours
+        for number, each in shared
+        if not _is_same(ours[each.name], each.type)
     ]
 
     def read(values: Any) -> Any:
         if not isinstance(values, tuple) or len(values) != len(kind.fields):
             raise TypeError(f"{wanted.__name__} is no struct there")
-        return wanted(**{name: read_field(values[number]) for number, name, read_field in readers})
+        fields = {name: values[number] for number, name in same}
+        for number, name, read_field in readers:
+            fields[name] = read_field(values[number])
+        return wanted(**fields)
 
     return read
 
@@ -236,8 +237,10 @@ def _reader_of(ours: types.Type, theirs: types.Type) -> _Reader:
         case types.Sequence(item), types.Sequence(other) if isinstance(item, types.Struct | types.Primitive):
             read, is_array = _reader_of(item, other), item == other
             return lambda value: value if is_array and isinstance(value, np.ndarray) else [*map(read, value)]
+        case types.Primitive.STRING, types.Primitive.STRING:
+            return printable
         case types.Primitive(), types.Primitive() if ours is theirs:
-            return _harmless
+            return lambda value: value
 
     def refuse(value: Any) -> Any:
         raise TypeError(f"{types.spell(theirs)} where {types.spell(ours)} is expected")
@@ -245,5 +248,6 @@ def _reader_of(ours: types.Type, theirs: types.Type) -> _Reader:
     return refuse
 
 
-def _harmless(value: Any) -> Any:
-    return printable(value) if isinstance(value, str) else value
+def _is_same(ours: types.Type, theirs: types.Type) -> bool:
+    """Whether their values are ours as they are: numbers, bools and times. Texts of others are made printable."""
+    return isinstance(ours, types.Primitive) and ours is theirs and ours is not types.STRING

@@ -130,7 +130,9 @@ def _operation(now: Measure, before: Measure | None, seconds: float) -> Operatio
     if before and now.count < before.count:
         before = None
     new, timed = (now.count - before.count, now.timed - before.timed) if before else (now.count, now.timed)
-    latest, waited = np.sort(_newest(now.latest, timed)), _newest(now.waited, timed)
+    latest, waited = _newest(now.latest, timed), _newest(now.waited, timed)
+    if latest.size > 1:
+        latest = np.sort(latest)
     return Operation(
         port=now.port,
         verb=now.verb,

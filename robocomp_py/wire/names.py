@@ -89,7 +89,10 @@ def matches(pattern: str, name: str) -> bool:
     place = pattern.rfind(ANY)
     if place < 0:
         return pattern == name
-    if not name.endswith(pattern[place + 1 :]):  # most names differ there, and this is soon seen
+    behind = pattern[place + 1 :]
+    if not name.endswith(behind):  # most names differ there, and this is soon seen
         return False
+    if not place and behind.startswith("/"):  # so are most patterns
+        return "/" not in name[: -len(behind)]
     wanted, given = pattern.split("/"), name.split("/")
     return len(wanted) == len(given) and all(w in (ANY, g) for w, g in zip(wanted, given, strict=True))

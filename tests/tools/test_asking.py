@@ -21,7 +21,7 @@ from robocomp_py.errors import RemoteFailure
 from robocomp_py.runtime.introspecting import INTERFACE, NAME
 from robocomp_py.runtime.RoboCompIntrospection import INTROSPECTION_INTERFACE, Description, Measures
 from robocomp_py.testing.everything import Failed
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import asking
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
@@ -78,6 +78,19 @@ def test_a_component_tells_over_every_middleware(over: str, access: Access) -> N
     assert (found.instance, found.component, found.pid) == ("robot1/calculator", "calculator", os.getpid())
     assert (found.version, found.clock, counted.state) == (__version__, "", "compute")
     assert {each.middleware for each in found.ends} == {over}
+
+
+def test_the_threads_that_ask_stay_until_the_tool_ends() -> None:
+    def asking_now() -> set[int | None]:
+        return {each.ident for each in threading.enumerate() if each.name.startswith("asking")}
+
+    with running(make(Calculator, find_transport, OVER)), Access() as access:
+        network = there("calculator")
+        assert asking.measure_all(access, network, ["calculator"], SOON).keys() == {"calculator"}
+        threads = asking_now()
+        assert asking.measure_all(access, network, ["calculator"], SOON).keys() == {"calculator"}
+        assert asking_now() == threads != set()
+    assert not asking_now()
 
 
 def test_a_component_tells_its_ends(access: Access) -> None:
