@@ -70,7 +70,7 @@ fuzz: .venv/ready  ## damaged texts and any messages (TEXTS=… for each test), 
 
 seeds: .venv/ready  ## simulated stories twice with twenty seeds (SEEDS=…), where `make test-tools` repeats four
 	ROBOCOMP_SEEDS=$(or $(SEEDS),20) $(BIN)/pytest -m tool --timeout 900 --numprocesses 2 --dist worksteal $(ARGS) \
-	  tests/components/test_arena.py tests/lockstep/test_scenes.py
+	  tests/components/test_arena.py tests/components/test_virtual_time.py tests/lockstep/test_scenes.py
 
 faults: .venv/ready  ## the fault matrix, and docs/explanation/fault-matrix.md; hours, needs root (ARGS="--only kill", --help)
 	$(BIN)/python -m tests.faults --write $(ARGS)

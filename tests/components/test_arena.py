@@ -233,6 +233,7 @@ def test_the_mission_succeeds_with_every_noise(seed: int, caplog: pytest.LogCapt
 @pytest.mark.parametrize("middleware", MIDDLEWARES)
 def test_the_mission_succeeds_over_a_middleware(middleware: str, tmp_path: Path) -> None:
     command = ("-m", "robocomp_py.cli.rcdeploy", NETWORK, "--until", "rescue", "--middleware", middleware)
-    film = ("--set", f"arena.params.film={tmp_path / 'story.gif'}")
-    story.check(story.run(*command, "--clock", "arena", "--speed", "max", *film, cwd=tmp_path))
+    film = ("arena", f"params.film={tmp_path / 'story.gif'}")
+    sets = [word for each in (film, *SHORT) for word in ("--set", ".".join(each))]
+    story.check(story.run(*command, "--clock", "arena", "--speed", "max", *sets, cwd=tmp_path))
     assert (tmp_path / "story.gif").read_bytes().startswith(b"GIF89a")
