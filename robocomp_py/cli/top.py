@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..tools.access import Access
     from ..tools.hosts import Hosts
     from ..tools.measure import Load, Operation
+    from ..tools.network import Network
 
 NAME = "top"
 
@@ -35,6 +36,7 @@ examples:
 
 Durations are those of the latest 256 messages or calls: for a client the round trip, for a server or a subscriber the
 run of its handler, for a publisher the time in `send`. `wait` is the longest time before a handler ran.
+`no answer`: a component runs and does not answer, for example because its process is stopped; `rc doctor` tells more.
 `not heard`: nothing subscribes to a topic, so that a component may not publish there, as scenes do (`--all`).
 Components that share a process show the processor and the memory of all of them. Memory that several processes share,
 as that of the interpreter, counts whole for each of them; `rcdeploy status` counts it in part.
@@ -85,11 +87,11 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         network = hosts.census(options.middleware)
         names = components_named(asking.components(network), options.components)
         told = rounds.ask(network, names, min(asking.DEADLINE, max(options.every, 0.2)))
-        if not told and not number:
+        if not names and not number:
             raise Absent("no component here tells what it does; `rc list` shows what runs")
         where = asking.hosts(network)
         heard = {each.name for each in network.channels.values() if each.users}
-        loads = [mark_unheard(each.now, heard) for each in told.values()]
+        loads = [mark_unheard(told[name].now, heard) if name in told else silent(network, name) for name in names]
         yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
@@ -103,6 +105,15 @@ def mark_unheard(load: Load, heard: Set[str]) -> Load:
         replace(each, is_heard=each.channel in heard) if each.verb == "publishes" else each for each in load.operations
     ]
     return replace(load, operations=tuple(operations))
+
+
+def silent(network: Network, name: str) -> Load:
+    """The row of a component that does not answer, for example because its process is stopped."""
+    from ..tools.measure import Load
+
+    its = (each for each in network.stock("Introspection") if each.name.startswith(f"{name}/Introspection/"))
+    pid = next((end.told.pid for channel in its for end in channel.providers), 0)
+    return Load(name, NO_ANSWER, "", pid, math.nan, 0, math.nan, 0.0, 0, 0, 0)
 
 
 def _print(found: Sequence[Load], options: argparse.Namespace, *, with_hosts: bool = False) -> None:
@@ -151,6 +162,9 @@ _COMPONENTS = (
     *("component", "state", "process", "cpu %", "MB", "compute/s", "msg/s"),
     *("failed", "lost", "queue", "suspended", "overruns"),
 )
+NO_ANSWER = "no answer"
+"""The state of a component that runs and does not answer."""
+
 _NAME = 24
 """Characters of a name that are shown at least, however narrow the terminal is."""
 _OPERATIONS = ("operation", "over", "per s", "p50 ms", "p99 ms", "max ms", "wait ms", "failed", "lost", "refused")
@@ -164,7 +178,7 @@ def _component(each: Load) -> tuple[str, ...]:
         _number(each.processor * 100),
         _number(each.memory / 1e6) if each.memory else "",
         _number(each.computes),
-        _number(each.calls),
+        "" if each.state == NO_ANSWER else _number(each.calls),
         *(str(number or "") for number in (each.failed, each.lost, each.queued, each.suspended, each.overruns)),
     )
 
@@ -183,7 +197,7 @@ def _operation(component: Load, each: Operation) -> tuple[str, ...]:
 
 
 def _is_bad(each: Load) -> bool:
-    return bool(each.failed or each.lost or each.state == "emergency")
+    return bool(each.failed or each.lost or each.state in ("emergency", NO_ANSWER))
 
 
 def _table(

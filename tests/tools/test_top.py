@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
+import subprocess
+import sys
 from argparse import Namespace
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -105,6 +109,21 @@ def test_a_component_that_is_not_there_is_named(pair: Any, capsys: pytest.Captur
 
 def test_nothing_to_show_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no component here tells what it does" in complained(capsys, "top", "--once", "--middleware", "zeromq")
+
+
+def test_a_component_that_does_not_answer_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    speech = Path(__file__).parents[2] / "components" / "speech"
+    command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(speech), "--set", "middleware=shm"]
+    with subprocess.Popen([*command, "--name", "stopped"], stderr=subprocess.DEVNULL) as process:
+        try:
+            wait_until(lambda: "stopped" in asking.components(take_census(["shm"])))
+            process.send_signal(signal.SIGSTOP)
+            (_, row) = said(capsys, "top", "stopped", "--once", "--middleware", "shm").splitlines()
+            told = json.loads(said(capsys, "top", "stopped", "--once", "--json", "--middleware", "shm"))
+        finally:
+            process.kill()
+    assert row.split() == ["stopped", "no", "answer", str(process.pid)]
+    assert (told["component"], told["state"], told["computes"]) == ("stopped", "no answer", None)
 
 
 def test_a_narrow_terminal_shows_what_has_failed() -> None:
