@@ -238,8 +238,35 @@ def test_of_a_long_delay_only_the_last_second_is_made_up_for(caplog: pytest.LogC
     pace = Pace(0.005, now=0)
     assert pace.follow(50_000_000, 0) == 10
     assert pace.follow(10_000_000_000, 10) == 200
-    assert "the scene is 9.0 s late" in caplog.text.replace("8.9", "9.0")
+    assert "the scene is 10.0 s late" in caplog.text.replace("9.9", "10.0")
     assert pace.follow(10_050_000_000, 210) == 10
+
+
+def test_ticks_that_took_too_long_are_still_due_and_lateness_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    pace, now, ticks = Pace(0.005, now=0), 0, 0
+    for _ in range(50):
+        now += 100_000_000
+        due = pace.follow(now, ticks)
+        ticks += 5
+        pace.owe(due - 5)
+    assert due == 200
+    assert len(caplog.records) == 1
+    for _ in range(5):
+        now += 100_000_000
+        ticks += pace.follow(now, ticks)
+    assert pace.follow(now, ticks) == 0
+    pace.follow(now + 10_000_000_000, ticks)
+    assert len(caplog.records) == 2
+
+
+def test_a_scene_that_is_told_to_be_too_fast_answers_as_before(folder: Path) -> None:
+    with ComponentTest(load_component(folder), {"params.physics": True}) as house:
+        house.call("Simulation.setSpeed", 1000.0)
+        house.wait_for(lambda: house.worker.world.time > 5.0)
+        before = house.worker.world.ticks
+        house.call("Simulation.setSpeed", 1.0)
+        assert house.worker.world.ticks - before < 10_000  # which are due in each period of 50 ms
+    assert house.fine
 
 
 def test_who_steps_or_resets_the_scene_by_hand_owes_nothing() -> None:

@@ -39,12 +39,15 @@ _MOST_PLANS, _MOST_PLANNED = 64, 600.0
 """Of one call of `evaluate`: plans, and the sum of their times in s."""
 
 _BUSY = 0.8
-"""The part of a period for which a scene goes on that is as fast as possible. Handlers run in the rest."""
+"""The part of a period for which a scene goes on at most, if it follows the machine. Handlers run in the rest."""
 
 _SUCTION = "; `suction`, in an item of the parameter `bodies`, makes a node one"
 
 _CHUNK = 20
-"""Ticks between two looks at the clock, if the scene is as fast as possible."""
+"""Ticks between two looks at the machine's clock."""
+
+_CHUNK_OF_PHYSICS = 5
+"""The same while physics is on, since they take longer then."""
 
 
 class Controlled(Worker[Any]):
@@ -74,11 +77,17 @@ class Controlled(Worker[Any]):
 
     def _go_on(self) -> None:
         pace, world = self._pace, self.world
-        world.step(pace.follow(self.now(), world.ticks))
-        if pace.speed == 0.0 and not pace.is_paused:
-            end = time.monotonic() + _BUSY * self.period
-            while time.monotonic() < end:
-                world.step(_CHUNK)
+        due = pace.follow(self.now(), world.ticks)
+        if not isinstance(self._clock, Real):
+            world.step(due)
+            return
+        is_fast = pace.speed == 0.0 and not pace.is_paused
+        end, chunk = time.monotonic() + _BUSY * self.period, _CHUNK_OF_PHYSICS if world.physics else _CHUNK
+        while (due or is_fast) and time.monotonic() < end:
+            count = chunk if is_fast else min(due, chunk)
+            world.step(count)
+            due -= 0 if is_fast else count
+        pace.owe(due)
 
     def Simulation_now(self) -> Any:
         """How far the scene is."""

@@ -25,6 +25,8 @@ class Pace:
         self.is_paused = False
         self.reached = 0.0
         """Simulated seconds in a second of the clock, in the last second or before."""
+        self._is_late = False
+        """Whether it was told that the scene is late: once, until it has kept pace again."""
         self._since, self._from, self._expected = now, 0, 0
         self._marked, self._mark = now, 0
 
@@ -40,10 +42,19 @@ class Pace:
         due = self._ticks(now - self._since) - (ticks - self._from)
         most = self._ticks(round(_MOST_MADE_UP * 1e9))
         if due > most:
-            log.warning("the scene is %.1f s late and leaves them out: it has too much to compute", self._late(due))
+            if not self._is_late:
+                text = "the scene is %.1f s late, and makes up for %g s at most: it has too much to compute"
+                log.warning(text, due * self._tick / self.speed, _MOST_MADE_UP)
+            self._is_late = True
             due, self._since, self._from = most, now, ticks + most
+        elif due < most / 2:
+            self._is_late = False
         self._expected = ticks + max(due, 0)
         return max(due, 0)
+
+    def owe(self, count: int) -> None:
+        """Note that the scene did not go on by so many of the ticks that were due: they still are."""
+        self._expected -= count
 
     def set_speed(self, factor: float, now: int, ticks: int) -> None:
         """Follow the clock at another factor from now on. Raises ValueError for a factor outside of 0 to 1000."""
@@ -54,9 +65,6 @@ class Pace:
 
     def _ticks(self, passed: int) -> int:
         return round(passed / 1e9 * self.speed / self._tick)
-
-    def _late(self, ticks: int) -> float:
-        return ticks * self._tick / self.speed - _MOST_MADE_UP
 
     def _measure(self, now: int, ticks: int) -> None:
         passed = (now - self._marked) / 1e9
