@@ -23,6 +23,7 @@ from ..innermodel.axes import Array
 from ..innermodel.read import InnerModelError
 from ..spelling import unknown
 from .motion import SimulationError
+from .state import FARTHEST
 from .world import World
 
 PERIOD = 0.05
@@ -100,7 +101,7 @@ def follow(world: World, plan: Plan, horizon: float, *, watched: Sequence[tuple[
 
 def _followed(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[str, str]]) -> Outcome:
     period, ticks = max(1, round(PERIOD / world.tick)), round(horizon / world.tick)
-    waiting = [] if callable(plan) else sorted(plan, key=lambda each: each.at, reverse=True)
+    waiting = [] if callable(plan) else sorted(plan, key=lambda each: each.at)[::-1]
     touched: dict[tuple[str, str], float] = {}
     times: list[float] = []
     poses: list[Array] = []
@@ -159,5 +160,7 @@ def _check(world: World, plan: Plan, horizon: float, watched: Sequence[tuple[str
             )
         if not 1 <= len(command.values) <= most or not all(map(math.isfinite, (command.at, *command.values))):
             raise ValueError(f"{command}: it needs a time, and 1 to {most} values that are finite numbers")
+        if max(map(abs, command.values)) > FARTHEST:
+            raise ValueError(f"{command}: a value is at most {FARTHEST:g}")
         if command.at < 0.0:
             raise ValueError(f"{command}: its time is before the beginning")

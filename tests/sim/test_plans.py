@@ -154,12 +154,20 @@ def test_a_plan_without_result_is_told_and_others_go_on(tmp_path: Path) -> None:
     assert wild.failed.startswith("physics became unstable after 0.")
 
 
+def test_of_commands_at_one_time_the_last_one_counts(hall: World) -> None:
+    plan = [Command(0.5, "base", (0.0,)), Command(0.0, "base", (-300.0,)), Command(0.0, "base", (300.0,))]
+    [outcome] = evaluate(hall, [plan], 1.0)
+    begin, *_, end = outcome.poses["base"][:, 2, 3]
+    assert end - begin > 100
+
+
 @pytest.mark.parametrize(
     ("plan", "horizon", "text"),
     [
         ([Command(0.0, "bass", (1.0,))], 1.0, "unknown base, joint or gripper `bass`; did you mean `base`"),
         ([Command(0.0, "arm", (1.0, 2.0, 3.0))], 1.0, "it needs a time, and 1 to 2 values"),
         ([Command(0.0, "base", (math.nan,))], 1.0, "values that are finite numbers"),
+        ([Command(0.5, "base", (1e20,))], 1.0, "a value is at most 1e+09"),
         ([Command(-1.0, "base", (1.0,))], 1.0, "its time is before the beginning"),
         ([], 0.0, "a plan of 0.0 s"),
         ([], 4000.0, "at most 3600"),
