@@ -225,6 +225,7 @@ _LOOK = 0.25
 
 
 def _watch(at: _At, options: argparse.Namespace) -> int:
+    from ..errors import Unreachable
     from ..tools import asking, params
 
     component = at.one
@@ -237,8 +238,13 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
         if told is None:
             raise Absent(f"{component} no longer tells of its parameters")
         if told.revision != revision:
+            try:
+                settings = at.settings(component)
+            except Unreachable:  # it ends, or is started again: the next look tells
+                time.sleep(_LOOK)
+                continue
             revision = told.revision
-            for each in at.settings(component):
+            for each in settings:
                 if known.get(each.name) != each.value:
                     known[each.name] = each.value
                     line = json.dumps({"name": each.name, "value": params.typed(each)})

@@ -6,12 +6,15 @@ import itertools
 import json
 import logging
 import threading
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from robocomp_py.cli.param import _At, _watch
+from robocomp_py.errors import Unreachable
 from robocomp_py.runtime.RoboCompIntrospection import Setting
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools import asking, params
@@ -105,6 +108,23 @@ def test_changes_are_watched(tuned: Any, capsys: pytest.CaptureFixture[str]) -> 
         over.set()
         changing.join()
     assert sorted(printed.splitlines()) == ["max_speed = 0.25", "max_speed = 0.75"]
+
+
+def test_a_component_is_watched_again_after_a_restart(tuned: Any) -> None:
+    """It was there for one question, and not for the next one."""
+
+    class Restarted(_At):
+        asked = 0
+
+        def settings(self, component: str) -> list[Setting]:
+            self.asked += 1
+            if self.asked == 2:
+                raise Unreachable("its server left")
+            return super().settings(component)
+
+    with Access() as access:
+        at = Restarted(access, take_census(["shm"]), ["robot1/tuned"], SOON)
+        wait_until(lambda: _watch(at, Namespace(seconds=0.4, most=None, json=False)) == 0 and at.asked > 2)
 
 
 def test_a_level_is_set(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
