@@ -114,7 +114,7 @@ class DDSCore(BaseTransport[Endpoint], SupportsGathering):
 
     @property
     def codec(self) -> Codec:
-        from .types import CODEC  # needs numpy, and makes a type, both of which a census does without
+        from .types import CODEC  # it makes a type, which a census does without
 
         return CODEC
 
