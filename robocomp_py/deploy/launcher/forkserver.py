@@ -43,7 +43,7 @@ PROGRAM = "robocomp_py.cli.rc"
 _NEEDED = (
     *(PROGRAM, "robocomp_py.cli.run"),
     *(f"robocomp_py.runtime.{name}" for name in ("api", "document", "load", "records", "run", "together")),
-    *("robocomp_py.wire.identity", "robocomp_py.wire.messagepack"),
+    *(f"robocomp_py.wire.{name}" for name in ("identity", "messagepack", "packed_arrays", "layouts")),
     "numpy.random",
     "subprocess",
 )
