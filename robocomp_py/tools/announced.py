@@ -53,12 +53,18 @@ def fitting(known: Iterable[str], beginning: str) -> Iterator[str]:
     """
     every = list(known)
     whole = [each for each in every if each.startswith(beginning)]
-    asked = [each for each in whole if names.segment(each) not in OWN or names.segment(each) in beginning]
+    asked = [each for each in whole if (own := _own(each)) is None or own in beginning]
     if whole or not beginning:
         yield from asked or whole
         return
     tails = (each.split("/", at)[at] for each in every for at in range(1, each.count("/") + 1))
     yield from dict.fromkeys(each for each in tails if each.startswith(beginning))
+
+
+def _own(name: str) -> str | None:
+    """The interface of the framework to which a channel belongs. A topic of a recording may have a shorter name."""
+    parts = name.split("/")
+    return parts[-2] if len(parts) > 1 and parts[-2] in OWN else None
 
 
 def components(ends: Iterable[Told], beginning: str) -> Iterator[str]:

@@ -19,7 +19,10 @@ from robocomp_py.cli import rc, rcdeploy, rcgen
 from robocomp_py.cli.candidates import answered
 from robocomp_py.cli.completing import ASKED
 from robocomp_py.deploy.place import Place
+from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON
+from robocomp_py.tools.recording.bag import BagWriter, Options
+from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Tuned
@@ -55,6 +58,15 @@ def completed(line: str, shell: str = "bash") -> list[str]:
         "rcdeploy": rcdeploy.completer,
     }
     return answered(finders[program], [line] if shell == "bash" else words, shell)
+
+
+def test_topics_of_a_recording_are_proposed_whatever_their_names(files: Path) -> None:
+    writer = BagWriter(files / "run", Options())
+    for name in ("rosout", "world/Everything/news"):
+        writer.write(writer.add(Topic(name, e.news)), b"", 1, 1, 1)
+    writer.close()
+    assert completed("rc plot run ") == ["rosout", "world/Everything/news"]
+    assert completed("rc replay run --only ne") == ["news"]
 
 
 @pytest.mark.parametrize(
