@@ -5,7 +5,7 @@ MIDDLEWARE ?= auto
 WORKERS ?= 4  # for two cores: most tests wait more than they compute
 BIN = .venv/bin
 
-.PHONY: help demo test check format lint types fix golden docs test-tools vscode bench bench-check bench-peers fuzz seeds faults faults-ci clean
+.PHONY: help demo test check format lint types fix golden docs test-tools vscode bench bench-check bench-peers fuzz faults faults-ci clean
 
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
@@ -67,10 +67,6 @@ vscode:  ## build and test the extension for VS Code: editors/vscode/*.vsix; nee
 fuzz: .venv/ready  ## damaged texts and any messages (TEXTS=… for each test), and frames for each middleware (FRAMES=…)
 	ROBOCOMP_FUZZ=$(or $(TEXTS),5000) $(BIN)/pytest tests/dsl/test_fuzz.py tests/wire/test_codecs.py tests/wire/test_cdr.py $(ARGS)
 	$(BIN)/python -m tests.faults --only malformed --frames $(or $(FRAMES),1000000)
-
-seeds: .venv/ready  ## simulated stories twice with twenty seeds (SEEDS=…), where `make test-tools` repeats four
-	ROBOCOMP_SEEDS=$(or $(SEEDS),20) $(BIN)/pytest -m tool --timeout 900 --numprocesses 2 --dist worksteal $(ARGS) \
-	  tests/components/test_arena.py tests/components/test_virtual_time.py tests/lockstep/test_scenes.py
 
 faults: .venv/ready  ## the fault matrix, and docs/explanation/fault-matrix.md; hours, needs root (ARGS="--only kill", --help)
 	$(BIN)/python -m tests.faults --write $(ARGS)

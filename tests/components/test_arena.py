@@ -13,7 +13,7 @@ import pytest
 from robocomp_py.cli import rc, rcgen
 from robocomp_py.testing.simulation import Simulation
 
-from ..seeds import REPEATED, SEEDS
+from ..seeds import SEEDS
 from . import story
 from .conftest import COMPONENTS
 
@@ -220,12 +220,13 @@ def test_drivers_that_are_named_alike_take_the_place_of_simulated_devices(tmp_pa
 @pytest.mark.tool  # OpenGL
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_mission_succeeds_with_every_noise(seed: int, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_mission_succeeds_with_every_noise_and_is_the_same_in_another_process(
+    seed: int, caplog: pytest.LogCaptureFixture
+) -> None:
     caplog.set_level("INFO")
     first = run(NETWORK, seed)
     story.check(caplog.text)
-    if seed in REPEATED:
-        assert in_another_process(NETWORK, seed) == first
+    assert in_another_process(NETWORK, seed) == first
 
 
 @pytest.mark.tool  # OpenGL

@@ -14,7 +14,7 @@ import pytest
 from robocomp_py.testing.patience import SOON
 from robocomp_py.testing.simulation import Simulation
 
-from ..seeds import REPEATED
+from ..seeds import SEEDS
 from . import story
 from .conftest import COMPONENTS
 
@@ -60,6 +60,6 @@ def hash_in_process(seed: int, hash_seed: int) -> str:
 @pytest.mark.tool  # needs nothing but time
 def test_every_seed_gives_a_hash_of_its_own_which_is_the_same_in_two_processes() -> None:
     with ThreadPoolExecutor(2) as processes:
-        first, second = (list(processes.map(hash_in_process, REPEATED, [told] * len(REPEATED))) for told in (1, 2))
+        first, second = (list(processes.map(hash_in_process, SEEDS, [told] * len(SEEDS))) for told in (1, 2))
     assert first == second
-    assert len(set(first)) == len(REPEATED)
+    assert len(set(first)) == len(SEEDS)

@@ -12,7 +12,7 @@ import pytest
 from robocomp_py.cli import rc, rcgen
 from robocomp_py.testing.simulation import Simulation
 
-from ..seeds import REPEATED
+from ..seeds import SEEDS
 
 pytestmark = pytest.mark.tool  # needs nothing but time
 
@@ -155,14 +155,14 @@ def in_lockstep(network: Path, seed: int) -> str:
 
 @pytest.mark.timeout(900)
 def test_every_seed_ends_in_lockstep_as_in_virtual_time(network: Path) -> None:
-    ends = {seed: in_virtual_time(network, seed) for seed in REPEATED}
-    assert len(set(ends.values())) == len(REPEATED)
-    assert {seed: in_lockstep(network, seed) for seed in REPEATED} == ends
+    ends = {seed: in_virtual_time(network, seed) for seed in SEEDS}
+    assert len(set(ends.values())) == len(SEEDS)
+    assert {seed: in_lockstep(network, seed) for seed in SEEDS} == ends
 
 
 @pytest.mark.timeout(900)
 def test_it_does_so_while_the_machine_is_busy(network: Path, load: None) -> None:
-    seeds = REPEATED[:3]
+    seeds = SEEDS[:3]
     assert {seed: in_lockstep(network, seed) for seed in seeds} == {
         seed: in_virtual_time(network, seed) for seed in seeds
     }
