@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -84,7 +85,7 @@ class State:
         wrong parameters, and TypeError if `tree` is not a Tree.
         """
         check_tree(tree)
-        if not tick > 0.0 or not hold >= 0.0:
+        if not 0.0 < tick < math.inf or not 0.0 <= hold < math.inf:
             raise ValueError(f"a tick of {tick} s, and a hold of {hold} s")
         if compat not in ("", "robocomp"):
             raise ValueError(f"compat={compat!r}: it is `robocomp`, or nothing")

@@ -477,3 +477,9 @@ def test_a_laser_without_rays_is_left_out(tmp_path: Path) -> None:
 def test_meshes_that_are_not_there_can_be_left_out(tmp_path: Path) -> None:
     text = ROOM.replace('<transform id="hand" tz="20"/>', '<mesh id="cup" file="cup.obj"/>')
     assert world(tmp_path, text, without_meshes=True).matrix("cup").shape == (4, 4)
+
+
+@pytest.mark.parametrize("times", [{"tick": 0.0}, {"tick": math.inf}, {"hold": -1.0}, {"hold": math.inf}])
+def test_a_tick_and_a_hold_are_finite_times(times: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"a tick of .* s, and a hold of .* s"):
+        World(Tree(), **times)  # type: ignore[arg-type]
