@@ -19,6 +19,7 @@ from robocomp_py.tools.census import take_census
 from robocomp_py.tools.diary.events import DiaryReader
 from robocomp_py.tools.replay.leading import followed
 
+from ..leftovers import killed_on_failure
 from .conftest import COMPONENTS
 
 LONG = 12 * SOON
@@ -36,7 +37,7 @@ def command(log: Path, *arguments: object) -> Iterator[subprocess.Popen[bytes]]:
     """A command of ours, which is ended with the block if it has not ended itself; its output is in a file."""
     words = [sys.executable, "-m", *map(str, arguments)]
     out: IO[bytes]
-    with log.open("wb") as out, subprocess.Popen(words, stdout=out, stderr=out, cwd=log.parent) as process:
+    with log.open("wb") as out, killed_on_failure(words, stdout=out, stderr=out, cwd=log.parent) as process:
         try:
             yield process
         finally:

@@ -25,6 +25,7 @@ from robocomp_py.testing.components import load_component
 from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import find_transport
 
+from ..leftovers import killed_on_failure
 from ..runtime.test_run import make, running
 from .scenes import WEDGE, room_with
 
@@ -104,7 +105,7 @@ def visiting(folder: Path, middleware: str) -> Iterator[Visitor]:
     command = [sys.executable, "-m", "robocomp_py.cli.rc", "run", str(folder / "house"), "--middleware", middleware]
     command += ["--set", "component.period=3600"]
     environment = os.environ | {"ROBOCOMP_COLOR": "never"}
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as house:
+    with killed_on_failure(command, stderr=subprocess.PIPE, text=True, env=environment) as house:
         assert house.stderr
         try:
             said = iter(house.stderr.readline, "")

@@ -16,6 +16,8 @@ from robocomp_py.deploy.place import Place
 from robocomp_py.testing.patience import SOON, wait_until
 from tests.freeports import free_ports
 
+from ...leftovers import killed_on_failure
+
 pytestmark = pytest.mark.tool
 
 PEER = Path(__file__).with_name("gauge.py")
@@ -104,7 +106,7 @@ def asked(robot: Path, port: int) -> list[str]:
 @contextlib.contextmanager
 def started(command: list[str], cwd: Path, says: str) -> Iterator[None]:
     """While a program runs, which has said that it is ready."""
-    with subprocess.Popen(command, cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
+    with killed_on_failure(command, cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as program:
         try:
             assert program.stdout
             lines = iter(program.stdout.readline, "")

@@ -365,7 +365,7 @@ def counter(tmp_path: Path) -> Path:
         wait_until(lambda: path.exists() and path.stat().st_size > 5000, 3 * SOON)
     finally:
         running_.terminate()
-        running_.wait()
+        running_.wait(3 * SOON)
     return folder
 
 

@@ -28,6 +28,7 @@ from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
+from ...leftovers import killed_on_failure
 from ...runtime.test_run import make, running
 from ..talkers import Talker
 from ..terse import INTERFACE, terse
@@ -43,7 +44,7 @@ SCAN = Operation[Any](
 def served(*arguments: str) -> Iterator[str]:
     """The address at which a command serves."""
     command = [sys.executable, "-m", "robocomp_py.cli.rc", "foxglove", "--port", "0", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout
             found = re.search(r"ws://127\.0\.0\.1:\d+", process.stdout.readline())
@@ -51,7 +52,7 @@ def served(*arguments: str) -> Iterator[str]:
             yield found[0]
         finally:
             process.terminate()
-            process.communicate()
+            process.communicate(timeout=SOON * 3)
     assert process.returncode == 143
 
 

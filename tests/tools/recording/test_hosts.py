@@ -17,7 +17,7 @@ from robocomp_py import connect
 from robocomp_py.cli import rc
 from robocomp_py.cli.common import FINE, UNREACHABLE
 from robocomp_py.testing import everything as e
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.recording.reader import Recording, values_by_topic
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
@@ -69,7 +69,7 @@ def recorder(folder: Path, *arguments: str) -> Iterator[tuple[Callable[[], str],
         yield process.stderr.readline, told
     finally:
         process.terminate()
-        out, _ = process.communicate()
+        out, _ = process.communicate(timeout=3 * SOON)
     told |= json.loads(out)
 
 

@@ -163,7 +163,7 @@ def test_a_subscriber_that_appears_later_hears_the_rest(tmp_path: Path) -> None:
                 wait_until(lambda: "3 again" in late.entries)
         finally:
             replay.send_signal(signal.SIGINT)
-            out, _ = replay.communicate()
+            out, _ = replay.communicate(timeout=3 * SOON)
     assert replay.returncode == 130
     assert re.search(r"news: \d+ messages over shm, zeromq\n", out)
 
