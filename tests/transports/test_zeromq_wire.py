@@ -35,6 +35,8 @@ DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef(""
 NAMED = DIVIDE.name.encode() + b"\0"
 NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
 
+pytestmark = pytest.mark.usefixtures("own_runtime_folder")  # a failed test may leave `a/b/c` served
+
 
 @pytest.fixture
 def transport() -> Iterator[ZeroMQTransport]:
