@@ -282,7 +282,7 @@ class Motion(State):
                 left -= ticks * (away + around * reach)
             elif self._goes(base, motion):
                 ticks, (left, reach) = 1, self._room_of(base)
-                rooms = rooms if left else {}  # else it is not known how far its shapes reach
+                rooms = rooms if reach else {}  # else it is not known how far its shapes reach
             else:
                 left = 0.0
                 break
@@ -329,7 +329,7 @@ class Motion(State):
             far = np.sqrt(np.einsum("ij,ij->i", away, away)) - np.sqrt(touching)
             nearest = min(nearest, float(far[far >= 0.0].min(initial=_SIGHT)))
             reach = max(reach, float(np.linalg.norm(data.geom_xpos[one] - middle) + bounds[one]))
-        return Room(nearest - _LEAST_ROOM / 2, reach)
+        return Room(max(nearest - _LEAST_ROOM / 2, 0.0), reach)
 
     def _depths(self, name: str) -> dict[tuple[int, int], float]:
         """The distances of shapes of a base from shapes that stop it and are near, m; less than 0: they overlap."""

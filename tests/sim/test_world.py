@@ -263,6 +263,16 @@ def test_bases_that_drive_towards_one_another_stop_before_they_touch(tmp_path: P
     assert stops
 
 
+def test_a_base_that_passes_an_obstacle_moves_as_its_wheels_tell(tmp_path: Path) -> None:
+    post = '<plane id="post" px="500" pz="1500" py="200" size="90,900,90" collide="1"/>'
+    room = world(tmp_path, POSTS.format(posts=post).replace("60,60,1500", "60,60,60"))
+    for _ in range(60):
+        room.drive("base", ahead=100.0)
+        room.step(100)
+        assert room.odometry("base").z == pytest.approx(room.matrix("base")[2, 3], abs=1e-6)
+    assert room.odometry("base").z == pytest.approx(3000.0)
+
+
 PEN = """\
 <innerModel>
   <plane id="left" px="-1500" size="90,900,3000" collide="1"/>
