@@ -202,12 +202,15 @@ def _mend(options: argparse.Namespace) -> int:
 def _merge(options: argparse.Namespace) -> int:
     from contextlib import ExitStack
 
-    from ..tools.recording.edit import copy
+    from ..tools.recording.edit import Once, copy
     from ..tools.recording.reader import Recording
 
+    once = Once()
     with ExitStack() as end:
         recordings = [end.enter_context(Recording(each)) for each in options.recordings]
-        count = copy(recordings, options.folder, _writing(options))
+        count = copy(recordings, options.folder, _writing(options), once=once)
+    if once.repeated:
+        say("rc bag merge", f"{_counted(once.repeated, 'message')} of several recordings written once")
     return _told(options, count)
 
 

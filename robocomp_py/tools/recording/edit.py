@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import csv
 import heapq
+import itertools
 import json
-from collections import Counter
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -19,6 +20,28 @@ from .bag import BagWriter, Foreign, Options, RecordingError
 from .layout import Topic
 from .reader import Recorded, RecordedTopic, Recording
 
+_REMEMBERED = 100_000
+"""Messages that are compared with later ones."""
+
+
+class Once:
+    """Tells which messages another recording has, too, as of two hosts that both heard a topic. It remembers the last
+    hundred thousand messages, so that their log times may differ by some minutes."""
+
+    def __init__(self) -> None:
+        self._seen: OrderedDict[tuple[str, int, int, int], int] = OrderedDict()
+        """The number of the recording by topic, time of sending, number and size."""
+        self.repeated = 0
+
+    def is_new(self, message: Recorded, recording: int) -> bool:
+        key = message.topic.name, message.publish_time, message.sequence, len(message.data)
+        if self._seen.setdefault(key, recording) != recording:
+            self.repeated += 1
+            return False
+        if len(self._seen) > _REMEMBERED:
+            self._seen.popitem(last=False)
+        return True
+
 
 def copy(
     recordings: Sequence[Recording],
@@ -29,23 +52,30 @@ def copy(
     start: int | None = None,
     end: int | None = None,
     schema: str | None = None,
+    once: Once | None = None,
     also: Callable[[Recorded], Iterable[tuple[Foreign, bytes]]] = lambda _: (),
 ) -> int:
     """Write these messages, in the order of their log times, into a new recording; returns their number. Attachments
     and notes are copied, too.
 
     Topics keep what describes them, unless `schema` asks for others: then so it is for all whose contract is known.
-    `also` makes further messages of each; it returns the same object for the same topic.
+    With `once`, a message that several recordings have is written once. `also` makes further messages of each; it
+    returns the same object for the same topic.
     Raises RecordingError and ConfigurationError.
     """
-    several = [each.messages(names, start, end) for each in recordings]
+    several = [
+        zip(each.messages(names, start, end), itertools.repeat(number), strict=False)
+        for number, each in enumerate(recordings)
+    ]
     writer = BagWriter(folder, options)
     known: dict[int, int] = {}
     count = 0
     try:
         for extra in (each for recording in recordings for each in recording.extras()):
             writer.add_extra(extra)
-        for message in heapq.merge(*several, key=lambda each: each.log_time):
+        for message, number in heapq.merge(*several, key=lambda each: each[0].log_time):
+            if once and not once.is_new(message, number):
+                continue
             topic = message.topic
             if id(topic) not in known:  # a recording has each of them once, and lives longer than this function
                 known[id(topic)] = writer.add(_ours(topic) if schema and topic.operation else _as_it_is(topic))

@@ -194,12 +194,14 @@ def test_a_part_without_messages_is_told(run: Path, tmp_path: Path, capsys: pyte
     assert told.endswith("part has no messages: none was in this part of the recording\n")
 
 
-def test_recordings_are_merged_in_the_order_of_their_times(
+def test_recordings_are_merged_in_the_order_of_their_times_without_what_both_have(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said(capsys, "bag", "cut", run, "-o", tmp_path / "late", "--start", 3)
-    said(capsys, "bag", "merge", tmp_path / "late", run, "-o", tmp_path / "both")
-    assert numbers_in(tmp_path / "both") == [0, 1, 2, 3, 3, 4, 4, 5, 5]
+    for name, cut in (("early", ("--for", 4)), ("late", ("--start", 3))):
+        said(capsys, "bag", "cut", run, "-o", tmp_path / name, *cut)
+    told = complained(capsys, "bag", "merge", tmp_path / "late", tmp_path / "early", "-o", tmp_path / "both", code=0)
+    assert numbers_in(tmp_path / "both") == [0, 1, 2, 3, 4, 5]
+    assert told == "rc bag merge: 1 message of several recordings written once\n"
 
 
 def test_names_of_types_are_converted(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
