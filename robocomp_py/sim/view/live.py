@@ -118,7 +118,11 @@ class LiveShow(Show):
             if told.version != self._versions.get(name, 0):
                 points = axes.position_to_simulation(np.array(told.points, float).reshape(-1, 3))
                 colours = np.array(told.colours, np.uint8).reshape(-1, 3)
-                self._clouds[name], self._versions[name] = Cloud(points.astype(np.float32), colours), told.version
+                is_there = np.isfinite(points).all(axis=1)  # cameras tell NaN where nothing is
+                cloud = Cloud(points[is_there].astype(np.float32), colours[is_there])
+                self._clouds[name], self._versions[name] = cloud, told.version
+            if name in self._clouds and not len(self._clouds[name].points):
+                del self._clouds[name]  # browsers refuse to draw nothing
         for name in self._clouds.keys() - set(names):
             del self._clouds[name], self._versions[name]
         return self._clouds != before

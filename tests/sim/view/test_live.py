@@ -89,8 +89,11 @@ def test_a_running_scene_is_shown_as_it_goes_on(tmp_path: Path) -> None:
             (cloud,) = visitor.shown("PointCloud")
             assert cloud["points"].tolist() == pytest.approx([0.2, -0.1, 0.0])
             assert cloud["colors"].tolist() == [255, 0, 9]
-            house.InnerModelManager.setPointCloudData("seen", [point, {**point, "y": 300}])
+            more = {**point, "y": 300}, {**point, "x": float("nan")}
+            house.InnerModelManager.setPointCloudData("seen", [point, *more])
             visitor.awaits(lambda: [len(each["points"]) for each in visitor.shown("PointCloud")] == [6])
+            house.InnerModelManager.setPointCloudData("seen", [])
+            visitor.awaits(lambda: not visitor.shown("PointCloud"))
             house.Simulation.pause()
             visitor.awaits(lambda: "stands still" in visitor.value("time"))
     session.close()
