@@ -130,12 +130,14 @@ def _live(looks: Iterator[list[Load]], options: argparse.Namespace, *, with_host
 
     console = Console(highlight=False)
     found: list[Load] = []
-    with Live(console=console, auto_refresh=False, screen=False, transient=True) as live:
-        for found in looks:
-            shown = lines(found, options, with_hosts=with_hosts, most=console.width)
-            live.update(Group(*shown[: max(1, console.height - 1)]), refresh=True)
-    for line in lines(found, options, with_hosts=with_hosts):
-        console.print(line, soft_wrap=True)
+    try:
+        with Live(console=console, auto_refresh=False, screen=False, transient=True) as live:
+            for found in looks:
+                shown = lines(found, options, with_hosts=with_hosts, most=console.width)
+                live.update(Group(*shown[: max(1, console.height - 1)]), refresh=True)
+    finally:  # also after Ctrl-C: the last table stays on the screen, whole
+        for line in lines(found, options, with_hosts=with_hosts) if found else ():
+            console.print(line, soft_wrap=True)
     return FINE if found else WRONG
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from robocomp_py.cli.top import lines
+from robocomp_py.cli.top import _live, lines
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.qos import PRESETS
@@ -126,14 +126,28 @@ def test_a_component_that_does_not_answer_is_shown(capsys: pytest.CaptureFixture
     assert (told["component"], told["state"], told["computes"]) == ("stopped", "no answer", None)
 
 
-def test_a_narrow_terminal_shows_what_has_failed() -> None:
-    """Of wider lines, empty columns are left out, and names lose their beginnings."""
+def pupil_load() -> Load:
     divide = Operation(
         *("everything", "requires", "divide", "desk/calculator/Everything/divide", "shm", 7),
         *(20.0, 0.001, 0.002, 0.003, math.nan),
         *(3, 0, 0),
     )
-    load = Load("desk/pupil", "compute", "here", 17, 0.02, 50_000_000, 100.0, 0.01, 0, 0, 0, (divide,))
+    return Load("desk/pupil", "compute", "here", 17, 0.02, 50_000_000, 100.0, 0.01, 0, 0, 0, (divide,))
+
+
+def test_the_last_table_stays_after_the_end_by_ctrl_c(capsys: pytest.CaptureFixture[str]) -> None:
+    def looks() -> Iterator[list[Load]]:
+        yield [pupil_load()]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _live(looks(), Namespace(all=False), with_hosts=False)
+    assert "desk/pupil → desk/calculator/Everything/divide" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_narrow_terminal_shows_what_has_failed() -> None:
+    """Of wider lines, empty columns are left out, and names lose their beginnings."""
+    load = pupil_load()
     wide, narrow = ([each.plain for each in lines([load], Namespace(all=False), most=most)] for most in (None, 80))
     assert "desk/pupil → desk/calculator/Everything/divide" in wide[3]
     assert max(map(len, narrow)) <= 80
