@@ -170,9 +170,11 @@ def test_notes_and_nodes_are_listed(house: ComponentTest) -> None:
         house.call("Simulation.cloud", "wall", 0)
 
 
-def test_a_node_that_is_removed_is_no_longer_provided(house: ComponentTest) -> None:
+def test_a_node_that_is_removed_is_no_longer_provided(house: ComponentTest, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "robocomp.sim")
     call(house, "removeNode", "mount")
     house.wait_for_computes(2)
+    assert [each.getMessage() for each in caplog.records] == ["an edit has removed front/Laser, front/LaserPub"]
     assert list(house.worker.laser) == []
     assert list(house.worker.differentialrobot) == ["base"]
 

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from ...innermodel.nodes import DEVICES
 from ...innermodel.numbers import written
 from ...innermodel.read import Element, found_file, number_of, numbers_of
+from ...spelling import closest
 from ...wire.names import is_segment
 from ..diagnostics import Severity
 
 _ROTATIONS = frozenset(("rx", "ry", "rz", "angle"))
+_BUMPER = "bumper"
 _WHOLE_TURN = 6.3
 """rad; a little more than 2 π, which many files round up."""
 
@@ -31,7 +33,7 @@ class Implausible:
 
 def implausible(element: Element) -> Iterator[Implausible]:
     """The implausible values of an element, without those of its children."""
-    for check in (_limits, _rays, _lens, _turns, _size, _colour, _file, _id):
+    for check in (_limits, _rays, _lens, _turns, _size, _colour, _file, _id, _type):
         yield from check(element)
 
 
@@ -115,3 +117,10 @@ def _id(element: Element) -> Iterator[Implausible]:
         meant = meant if is_segment(meant) else f"_{meant}"
         text = f"`{element.id}` cannot be the name of an instance, as a component that simulates the scene needs it"
         yield Implausible("unfit-id", "id", text, f"did you mean `{meant}`?")
+
+
+def _type(element: Element) -> Iterator[Implausible]:
+    text = str(element.written.get("type", "")).lower()
+    if text != _BUMPER and closest(text, (_BUMPER,)):
+        message = f"`type` is `{text}`, which makes it a sensor of force"
+        yield Implausible("read-otherwise", "type", message, f"did you mean `{_BUMPER}`?")

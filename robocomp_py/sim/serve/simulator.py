@@ -131,12 +131,14 @@ class Simulator(Controlled, Managed):
         self._tree = self.world.tree
         self._motors, found = motors(self._tree), offers(self._tree, self.world.lidars)
         undeclared: list[str] = []
+        removed: list[str] = []
         absent: list[tuple[str, str, list[str]]] = []
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
             for name in sorted(set(instances) - set(names)):
                 self._withdraw(port, name)
                 instances.remove(name)
+                removed.append(f"{name}/{port.interface.short}")
             for name in names:
                 if name in instances:
                     continue
@@ -152,8 +154,10 @@ class Simulator(Controlled, Managed):
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
         if fresh := [each for each in undeclared if each not in self._logged]:
             log.info("the network does not declare %s; `rc sim offers` prints the lines", ", ".join(fresh))
+        if removed:
+            log.info("an edit has removed %s", ", ".join(removed))
         for short, name, names in absent:
-            if f"{name}/{short}" not in self._logged:
+            if f"{name}/{short}" not in self._logged and f"{name}/{short}" not in removed:
                 log.warning("the network declares `offers %s : %s`: %s", name, short, unknown(short, name, names))
         self._logged = frozenset((*undeclared, *(f"{name}/{short}" for short, name, _ in absent)))
 
