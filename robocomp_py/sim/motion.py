@@ -123,7 +123,9 @@ class Motion(State):
             has_speeds = bool(self._imus) or self._ticks + passing == last
             before = self._data.qpos.copy() if has_speeds else None
             if self._busy:
+                rooms, turns = self._rooms_now(), self._turns_obstacles()
                 self._turn_joints(passing)
+                self._rooms = self._data.qpos.tobytes(), {} if turns else rooms
             for base, drive in moving:
                 self._advance(base, drive, passing)
             self._ticks += passing
@@ -137,9 +139,9 @@ class Motion(State):
         nothing else that moves may stop it."""
         if self._imus:
             return 1
-        if not any(base.collides for base, _ in moving) or (len(moving) == 1 and not self._busy):
+        if not any(base.collides for base, _ in moving) or (len(moving) == 1 and not self._turns_obstacles()):
             return _AT_ONCE
-        if self._busy or any(base.name in self._noise for base, _ in moving):
+        if self._turns_obstacles() or any(base.name in self._noise for base, _ in moving):
             return 1
         rooms, least, way = self._rooms_now(), math.inf, _LEAST_WAY
         for base, drive in moving:
@@ -148,6 +150,19 @@ class Motion(State):
                 away, around = extent(arc(drive.speed, self._tick))
                 least, way = min(least, left), way + away + around * reach
         return int(min(max(least / way, 1.0), _AT_ONCE))
+
+    def _turns_obstacles(self) -> bool:
+        """Whether a joint that may move carries shapes that stop bases, or are stopped."""
+        if not self._busy:
+            return False
+        if self._carriers is None:
+            model, joints = self._scene.model, self._scene.joints
+            carries = np.zeros(model.nbody, dtype=bool)
+            carries[model.geom_bodyid[self._scene.stops]] = True
+            for body in range(model.nbody - 1, 0, -1):  # parents have lower numbers
+                carries[model.body_parentid[body]] |= carries[body]
+            self._carriers = frozenset(name for name in joints if carries[model.dof_bodyid[joints[name].freedom]])
+        return not self._carriers.isdisjoint(self._busy)
 
     def _act(self) -> None:
         """Let physics move everything for a tick."""

@@ -134,6 +134,8 @@ class State:
         self._stopping: dict[str, list[tuple[int, NDArray[np.intp], Array]]] = {}
         self._deep: dict[str, tuple[bytes, dict[tuple[int, int], float]]] = {}
         """By base: the vector of positions when `_depths` were computed last, and what they were."""
+        self._carriers: frozenset[str] | None = None
+        """The joints that move shapes that stop bases or are stopped; None: not yet known."""
         self._rooms: tuple[bytes, dict[str, Room]] = b"", {}
         """A vector of positions, and by base how far it may move from there before it has to check obstacles.
 

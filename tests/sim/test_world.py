@@ -279,22 +279,30 @@ PEN = """\
   <plane id="right" px="1500" size="90,900,3000" collide="1"/>
   <plane id="back" pz="-1500" size="3000,900,90" collide="1"/>
   <plane id="front" pz="1500" size="3000,900,90" collide="1"/>
-  <omnirobot id="one" tx="-600" collide="1"><plane id="cube" size="300,300,300" collide="1"/></omnirobot>
+  <omnirobot id="one" tx="-600" collide="1">
+    <plane id="cube" size="300,300,300" collide="1"/>
+    <joint id="pan" axis="y"><plane id="boom" size="60,60,600" pz="200" collide="{solid}"/></joint>
+  </omnirobot>
   <omnirobot id="other" tx="600" collide="1"><plane id="beam" size="900,90,90" collide="1"/></omnirobot>
 </innerModel>
 """
 
 
-def test_bases_that_may_touch_move_in_turn(tmp_path: Path) -> None:
+@pytest.mark.parametrize("solid", [0, 1])
+def test_bases_that_may_touch_move_in_turn(solid: int, tmp_path: Path) -> None:
     """They end in the same bits, however many ticks they are asked for at once."""
-    at_once, in_turn = (world(tmp_path, PEN) for _ in range(2))
+    at_once, in_turn = (world(tmp_path, PEN.format(solid=solid)) for _ in range(2))
     chosen, touched = random.Random(3), 0
-    for _ in range(200):
+    for _ in range(150):
         ticks = chosen.choice((1, 7, 40, 300))
         for name in ("one", "other"):
             speed = chosen.uniform(-900, 900), chosen.uniform(-900, 900), chosen.choice((0.0, 0.0, 1.0, -9.0))
             for each in (at_once, in_turn):
                 each.drive(name, *speed)
+        if chosen.random() < 0.2:
+            goal = chosen.uniform(-3.0, 3.0), chosen.choice((0.0, 0.5))
+            for each in (at_once, in_turn):
+                each.move_joint("pan", *goal)
         at_once.step(ticks)
         for _ in range(ticks):
             in_turn.step()
@@ -313,6 +321,19 @@ def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
     room.move_joint("pan", 0.0)
     room.drive("base", ahead=600.0)
     room.step(200)
+    assert 1700 - 45 - 1350 - 3.1 <= room.odometry("base").z <= 1700 - 45 - 1350
+
+
+def test_an_arm_that_turns_while_its_base_drives_stops_it(tmp_path: Path) -> None:
+    post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
+    room = world(tmp_path, POSTS.format(posts=post))
+    room.move_joint("pan", math.pi / 2)
+    room.drive("base", ahead=100.0)
+    room.step(20)
+    room.move_joint("pan", 0.0, 1.0)
+    for _ in range(5):
+        room.drive("base", ahead=100.0)
+        room.step(150)
     assert 1700 - 45 - 1350 - 3.1 <= room.odometry("base").z <= 1700 - 45 - 1350
 
 
