@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG, print_table
+from .common import FINE, WRONG, counted, print_table
 from .completing import What, completed
 from .live import add_json, positive, reported, say
 from .record import add_compress, add_splitting, size
@@ -188,14 +188,14 @@ def _mend(options: argparse.Namespace) -> int:
     found = mend(options.recording, options.folder, _writing(options))
     for each in found:
         state = "it was whole" if each.is_whole and not each.damaged else "it had no end"
-        lost = [f"{_counted(each.damaged, 'damaged part')} left out"] if each.damaged else []
+        lost = [f"{counted(each.damaged, 'damaged part')} left out"] if each.damaged else []
         lost += [f"{size(each.cut)} at its end were cut"] if each.cut else []
         if each.is_whole and each.damaged:
             state = "it was damaged"
         if options.json:
             print(json.dumps(each._asdict(), default=str))
             continue
-        print(f"{each.path}: {_counted(each.messages, 'message')} saved; {', '.join([state, *lost])}")
+        print(f"{each.path}: {counted(each.messages, 'message')} saved; {', '.join([state, *lost])}")
     return FINE if any(each.messages for each in found) else WRONG
 
 
@@ -210,7 +210,7 @@ def _merge(options: argparse.Namespace) -> int:
         recordings = [end.enter_context(Recording(each)) for each in options.recordings]
         count = copy(recordings, options.folder, _writing(options), once=once)
     if once.repeated:
-        say("rc bag merge", f"{_counted(once.repeated, 'message')} of several recordings written once")
+        say("rc bag merge", f"{counted(once.repeated, 'message')} of several recordings written once")
     return _told(options, count)
 
 
@@ -235,7 +235,7 @@ def _convert(options: argparse.Namespace) -> int:
             rows, left_out = write_csv(recording, options.folder, names)
             for name, number in left_out.items():
                 why = recording.topics[name].problem or "they do not fit its contract"
-                say("rc bag convert", f"{name}: {_counted(number, 'message')} left out: {why}")
+                say("rc bag convert", f"{name}: {counted(number, 'message')} left out: {why}")
             for path, number in rows.items():
                 told = {"path": str(path), "rows": number}
                 print(json.dumps(told) if options.json else f"{path}: {number} rows")
@@ -259,7 +259,7 @@ def _told(options: argparse.Namespace, count: int) -> int:
         why = ": none was in this part of the recording" if options.does == "cut" else ""
         say(f"rc bag {options.does}", f"{options.folder} has no messages{why}")
     told = {"folder": str(options.folder), "messages": count}
-    print(json.dumps(told) if options.json else f"{options.folder}: {_counted(count, 'message')}")
+    print(json.dumps(told) if options.json else f"{options.folder}: {counted(count, 'message')}")
     return FINE if count else WRONG
 
 
@@ -278,7 +278,3 @@ def _chosen(recording: Recording, wanted: list[str] | None) -> list[str] | None:
     from ..tools.recording.reader import named
 
     return [each for name in wanted for each in named(recording, name)] if wanted else None
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -245,6 +245,11 @@ def complain(message: object) -> int:
     return WRONG
 
 
+def counted(number: int, what: str) -> str:
+    """`1 message`, `2 messages`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 _UNBROKEN = 1000
 """Length of a line that only programs read, so it is never wrapped."""
 

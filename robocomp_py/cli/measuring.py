@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from .common import UNREACHABLE
+from .common import UNREACHABLE, counted
 from .hosts import add_hosts, code_of
 from .live import add_topics, count, nothing_heard, seek_of, tell_found, tell_host
 
@@ -98,4 +98,4 @@ def _number(heard: Mapping[tuple[str, str], Traffic]) -> int:
 
 
 def messages(traffic: Traffic) -> str:
-    return "1 message" if traffic.number == 1 else f"{traffic.number} messages"
+    return counted(traffic.number, "message")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .bag import add_span, span_of, time_of
-from .common import FINE
+from .common import FINE, counted
 from .completing import What, completed
 from .live import add_json, reported
 
@@ -128,7 +128,7 @@ def _latency(recording: Recording, options: argparse.Namespace) -> list[dict[str
         figures = {"p50_s": percentile(each, 0.5), "p99_s": percentile(each, 0.99), "longest_s": max(each)}
         told.append({"topic": topic, "messages": len(each), **figures})
         p50, p99, longest = map(milliseconds, figures.values())
-        notes[topic] = f"{len(seconds)} messages, p50 {p50} ms, p99 {p99} ms, longest {longest} ms"
+        notes[topic] = f"{counted(len(seconds), 'message')}, p50 {p50} ms, p99 {p99} ms, longest {longest} ms"
     if not told:
         raise RecordingError(f"{recording.path}: it has no message that tells when it was sent")
     draw_delays({topic: found[topic] for topic in notes}, notes, options.output)
@@ -142,4 +142,4 @@ def _sentence(told: dict[str, Any]) -> str:
         span = f"{told['least']:g} to {told['most']:g}, mean {told['mean']:g}"
         return f"{told['topic']} {told['field']}: {told['values']} values, {span}"
     p50, p99, longest = (milliseconds(told[name]) for name in ("p50_s", "p99_s", "longest_s"))
-    return f"{told['topic']}: {told['messages']} messages, p50 {p50} ms, p99 {p99} ms, longest {longest} ms"
+    return f"{told['topic']}: {counted(told['messages'], 'message')}, p50 {p50} ms, p99 {p99} ms, longest {longest} ms"

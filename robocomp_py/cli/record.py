@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE, UNREACHABLE
+from .common import FINE, UNREACHABLE, counted
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
 from .live import (
@@ -250,7 +250,7 @@ _CLEARED = "\r\x1b[K" if sys.stderr.isatty() else ""
 def _show(recording: _Recording, seconds: float) -> None:
     tracks, lost, recorder = recording.tracks, recording.lost, recording.recorder
     messages = sum(each.received for each in tracks)
-    told = f"{seconds:.0f} s, {_topics(len(tracks))}, {messages} messages, {size(recorder.octets)}"
+    told = f"{seconds:.0f} s, {counted(len(tracks), 'topic')}, {counted(messages, 'message')}, {size(recorder.octets)}"
     waiting = f", {size(recorder.waiting)} wait" if recorder.waiting > 1e6 else ""
     print(f"\r\x1b[K{told}{waiting}{f', {lost} lost' if lost else ''}", end="", file=sys.stderr, flush=True)
 
@@ -283,20 +283,20 @@ def _sum_up(recording: _Recording, seconds: float, *, as_json: bool) -> None:
         return
     messages = sum(each.written for each in recording.tracks)
     print(
-        f"{_CLEARED}{recorder.folder}: {messages} messages of {_topics(len(topics))}, {size(recorder.octets)}, "
-        f"{seconds:.1f} s",
+        f"{_CLEARED}{recorder.folder}: {counted(messages, 'message')} of {counted(len(topics), 'topic')}, "
+        f"{size(recorder.octets)}, {seconds:.1f} s",
         flush=True,
     )
     several = Counter(each["channel"] for each in topics)
     for told in topics:
         of = f" of {told['host']}" if told["host"] and several[told["channel"]] > 1 else ""
-        print(f"  {told['channel']}{of}: {told['messages']} messages{_losses(told)}", flush=True)
+        print(f"  {told['channel']}{of}: {counted(told['messages'], 'message')}{_losses(told)}", flush=True)
     for told in tellers:
         if losses := _losses(told):
             print(f"  {told['component']} told {told['told']} {told['tells']}{losses}", flush=True)
     for told in _by_host(recording, topics, tellers):
         why = f"; it was out of reach: {told['unreachable']}" if told["unreachable"] else ""
-        print(f"  from {told['host']}: {told['messages']} messages{_losses(told)}{why}", flush=True)
+        print(f"  from {told['host']}: {counted(told['messages'], 'message')}{_losses(told)}{why}", flush=True)
 
 
 def _by_host(
@@ -324,10 +324,6 @@ def _told(name: str, track: Track, lost: int, unreadable: int) -> dict[str, Any]
         "dropped": track.dropped,
         "unreadable": unreadable,
     }
-
-
-def _topics(number: int) -> str:
-    return f"{number} topic{'s' if number != 1 else ''}"
 
 
 def _losses(told: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .bag import add_span, span_of
 from .clock import MAX, speed_of
-from .common import FINE
+from .common import FINE, counted
 from .completing import What, completed
 from .live import (
     COMPONENT,
@@ -355,7 +355,7 @@ def _sum_up(
         print(json.dumps({**told, "queries": queries}), flush=True)
         return
     messages = sum(each.sent for each in parts if stage.ways(each))
-    print(f"{options.recording}: {messages} messages in {seconds:.1f} s, {_lateness(late)}", flush=True)
+    print(f"{options.recording}: {counted(messages, 'message')} in {seconds:.1f} s, {_lateness(late)}", flush=True)
     for each in parts:
         print(f"  {each.channel}: {_fate(each, stage.ways(each))}", flush=True)
     for query in answers:
@@ -376,4 +376,4 @@ def _fate(part: Part, ways: list[str]) -> str:
         return "nothing subscribed to it"
     wrong = f"; {part.failed} could not be sent" if part.failed else ""
     wrong += f"; {part.malformed} do not fit their contract" if part.malformed else ""
-    return f"{part.sent} messages over {', '.join(ways)}{wrong}"
+    return f"{counted(part.sent, 'message')} over {', '.join(ways)}{wrong}"

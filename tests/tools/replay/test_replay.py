@@ -291,4 +291,4 @@ def test_a_message_that_does_not_fit_its_contract_is_left_out(
     writer.close()
     told = said(capsys, tmp_path / "run")
     wait_until(lambda: "1 whole" in listener.entries)
-    assert f"{CHANNEL}: 1 messages over shm; 1 do not fit their contract\n" in told
+    assert f"{CHANNEL}: 1 message over shm; 1 do not fit their contract\n" in told
