@@ -83,12 +83,24 @@ def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:
     frames = {0: ROOT_ID}
     for number in range(1, model.nbody):
         frames[number] = _add_body(made.tree, model, number, frames[int(model.body_parentid[number])])
+    twice = _seen_only(model)
     for number in range(model.ngeom):
-        _add_shape(made, model, number, frames[int(model.geom_bodyid[number])], meshes)
+        if number not in twice:
+            _add_shape(made, model, number, frames[int(model.geom_bodyid[number])], meshes)
+    if twice:
+        made.left_out.append(f"shapes that touch nothing, of links with others: {len(twice)}")
     counts = {name: int(getattr(model, key, 0)) for key, name in _COUNTED.items()}
     made.left_out.extend(f"{count} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
     made.left_out.extend(_equality(model, number) for number in range(model.neq))
     return made
+
+
+def _seen_only(model: mujoco.MjModel) -> set[int]:
+    """The geoms that touch nothing, of bodies that have others: many files have each link twice. All shapes of a scene
+    are solid."""
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    solid = set(model.geom_bodyid[touches].tolist()) - {0}
+    return {number for number in np.flatnonzero(~touches).tolist() if int(model.geom_bodyid[number]) in solid}
 
 
 def _equality(model: mujoco.MjModel, number: int) -> str:

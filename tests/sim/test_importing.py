@@ -133,6 +133,14 @@ def test_joints_without_a_name_and_with_the_name_of_their_body_get_ids() -> None
     assert {"root_body", "geom0", "arm_geom"} <= set(tree.ids)
 
 
+def test_of_a_link_that_is_there_twice_the_shapes_that_touch_are_kept() -> None:
+    seen = 'contype="0" conaffinity="0" size=".1"'
+    found = mjcf(f'<body><geom name="a" size=".1"/><geom name="b" {seen}/></body><body><geom name="c" {seen}/></body>')
+    assert {"a", "c"} <= set(found.tree.ids)
+    assert "b" not in found.tree
+    assert found.left_out == ["shapes that touch nothing, of links with others: 1"]
+
+
 def test_colours_of_shapes_and_of_materials_are_kept() -> None:
     found = mjcf(
         '<geom name="a" size=".1" rgba="1 0 .2 1"/><geom name="b" size=".1" material="wood"/>'
