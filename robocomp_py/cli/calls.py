@@ -87,8 +87,11 @@ def _chosen(names: Sequence[str], network: Network, *, served: bool) -> tuple[li
     components = tellers(network, chosen, served=served)
     if not components:
         what = ", ".join(found)
-        does = "serves" if served else "calls"
-        raise ValueError(f"no component that tells of it {does} {what}")
+        if served:
+            raise ValueError(f"no component serves {what} that can tell of its calls")
+        raise ValueError(
+            f"no component uses {what} that can tell of its calls; --served also hears `rc call` and scripts"
+        )
     return chosen, components
 
 
