@@ -52,6 +52,7 @@ examples:
   rc replay run1 --only LaserPub --loop          one interface, again and again, until Ctrl-C
   rc replay run1 --start 12 --for 5 --rate 0.5   five seconds of it, at half the speed
   rc replay run1 --remap world=ghost             as the topics of another instance
+  rc replay run1 --remap pushLaserData=pushScan  as the operation is called now
   rc replay run1 --answer                        and answers to the queries that were recorded
   rc replay run1 --paused                        message by message, with the key s
   rc replay run1 --clock                         ... and lead the clock that components follow
@@ -88,7 +89,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OLD=NEW",
-        help="replace a part of names, as in world=ghost; may be repeated",
+        help="replace a part of names, as in world=ghost, also of an operation that was renamed; may be repeated",
     )
     to.add_argument(
         "--answer",

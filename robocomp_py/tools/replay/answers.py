@@ -21,7 +21,7 @@ from ..announced import OWN
 from ..network import End, Network
 from ..recording.calls import CALLS, INFO
 from ..recording.reader import RecordedTopic, Recording, named
-from .choice import Remap
+from .choice import Remap, under_its_name
 
 _STATUS = [each.name for each in INFO.fields].index("status")
 
@@ -51,7 +51,7 @@ def answers_of(recording: Recording, only: Sequence[str], remaps: Iterable[Remap
             channel = name.removesuffix(CALLS)
             for each in remaps:
                 channel = each.applied(channel)
-            found.append(Answer(topic, channel, topic.called))
+            found.append(Answer(topic, channel, under_its_name(topic.called, channel)))
     return found
 
 

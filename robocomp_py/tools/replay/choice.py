@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...contract.interface import Operation, Pattern
@@ -97,8 +97,14 @@ def parts_of(recording: Recording, only: Sequence[str], remaps: Iterable[Remap])
                 raise ConfigurationError(
                     f"--remap makes `{channel}` of {name}; a channel is instance/Interface/operation"
                 )
-            parts.append(Part(topic, channel, topic.operation))
+            parts.append(Part(topic, channel, under_its_name(topic.operation, channel)))
     return parts, left_out
+
+
+def under_its_name(operation: Operation[Any], channel: str) -> Operation[Any]:
+    """The operation as the channel calls it: its contract has its name, which may have changed since the recording."""
+    name = names.operation(channel)
+    return operation if operation.name == name else replace(operation, name=name)
 
 
 def _lacks_parts(name: str) -> bool:

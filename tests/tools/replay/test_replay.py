@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import pytest
 
 from robocomp_py.cli import rc
 from robocomp_py.contract.component import Component, Port
-from robocomp_py.contract.interface import Operation, Pattern, Verb
+from robocomp_py.contract.interface import Interface, Operation, Pattern, Verb
 from robocomp_py.contract.types import INT64, Field
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
@@ -150,6 +151,24 @@ def test_names_are_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         wait_until(lambda: any(each.role == "subscribes" for each in take_census(["shm"]).ends))
         said(capsys, recorded(tmp_path / "run"), "--remap", "talker=ghost")
         wait_until(lambda: worker.heard == AGAIN)
+
+
+def test_an_operation_that_was_renamed_hears_what_was_recorded_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Renamed(Diary):
+        component = Component(
+            "renamed",
+            (Port(Verb.SUBSCRIBES, Interface(e.EVERYTHING.name, (replace(e.news, name="olds"),)), qos=RELIABLE),),
+        )
+
+        def Everything_olds(self, number: int, text: str) -> None:
+            self.entries.append(f"{number} {text}")
+
+    with running(make(Renamed, find_transport, "middleware=shm", "ports.Everything.from=talker")) as worker:
+        wait_until(lambda: any(each.role == "subscribes" for each in take_census(["shm"]).ends))
+        said(capsys, recorded(tmp_path / "run"), "--remap", "news=olds")
+        wait_until(lambda: [each for each in worker.entries if each.endswith(" again")] == AGAIN)
 
 
 def test_a_subscriber_that_appears_later_hears_the_rest(tmp_path: Path) -> None:
