@@ -143,7 +143,7 @@ class Feed:
 # What is sent.
 
 
-@settings(patiently, max_examples=50)
+@settings(patiently, max_examples=25)
 @given(data=st.data(), room=st.sampled_from([0, ROOM]))
 def test_a_filled_message_is_the_one_that_send_would_send(data: st.DataObject, room: int) -> None:
     fields = (t.Field("first", t.STRING), *data.draw(message_types()).fields)
