@@ -7,7 +7,7 @@ turn waits while others run, another thread goes on with the diary, because the 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -261,7 +261,7 @@ class _Again:
         return partial(getattr(self._worker, name), *values), None, None
 
     def _end(self, turn: _Turn, call: str, operation: Operation[Any] | None, more: dict[str, Any]) -> None:
-        event = self._expect("end", turn, f"the end of {call}")
+        event = self._expect("end", turn, f"the end of {call}{_failure(more)}")
         was, now = event.get("error"), more.get("error")
         self._result.outputs += bool(was or now or (operation and operation.outputs))  # exceptions go out, too
         if _short(was) != _short(now):
@@ -422,9 +422,15 @@ def _told(event: Event) -> str:
         case "back":
             return "the end of a wait"
         case "end":
-            return "the end of the call"
+            return f"the end of the call{_failure(event)}"
         case kind:
             return str(kind)
+
+
+def _failure(ended: Mapping[str, Any]) -> str:
+    """How a call has failed, if it has."""
+    error = ended.get("error")
+    return f", which fails with {error.get('kind')}: {error.get('text')}" if error else ""
 
 
 def _short(error: dict[str, Any] | None) -> tuple[Any, ...] | None:

@@ -152,7 +152,16 @@ def test_code_that_does_something_else_is_told_and_no_further_compared(diary: Pa
     result = again(Shy, diary)
     (difference,) = result.differences
     assert result.is_parted
-    assert " came next, now it is the end of compute" in difference.what
+    assert difference.what.endswith(" came next, now it is the end of compute")
+
+
+def test_code_that_fails_where_it_did_not_is_told_with_its_error(diary: Path) -> None:
+    class Broken(Shy):
+        def compute(self) -> None:
+            raise ZeroDivisionError("oh")
+
+    (difference,) = again(Broken, diary).differences
+    assert difference.what.endswith(" came next, now it is the end of compute, which fails with ZeroDivisionError: oh")
 
 
 class Unjust(Station):
