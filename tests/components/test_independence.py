@@ -73,7 +73,7 @@ LONG = pytest.mark.tool  # needs nothing but time: `make test` has less of it th
 
 
 @pytest.mark.parametrize(  # the tests of the demo run it over shm and dds
-    "middleware", ["zeromq", "zenoh", pytest.param("dds", marks=LONG), pytest.param("shm", marks=LONG)]
+    "middleware", ["zeromq", *(pytest.param(each, marks=LONG) for each in ("zenoh", "dds", "shm"))]
 )
 def test_a_network_runs_over_another_middleware_without_any_change(tree: Path, tmp_path: Path, middleware: str) -> None:
     deploy(tree, tmp_path, middleware, "--middleware", middleware)

@@ -97,6 +97,7 @@ def done(diary: Path) -> list[Any]:
     return found
 
 
+@pytest.mark.tool  # needs nothing but time
 def test_the_mission_has_the_same_story_without_its_world(
     own_runtime_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
