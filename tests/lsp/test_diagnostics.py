@@ -153,14 +153,15 @@ def test_include_folders_are_the_users(tmp_path: Path) -> None:
     assert editor.leave() == 0
 
 
-@pytest.mark.parametrize("settings", [None, {}, {"pylsp": {"plugins": {}}}, {"robocomp": None}, {"robocomp": {}}, [1]])
-def test_settings_of_others_change_nothing(tmp_path: Path, settings: object) -> None:
+def test_settings_of_others_change_nothing(tmp_path: Path) -> None:
     folder = write_project(tmp_path / "project")
     editor = Editor(folder / "arm", options={"include": [".."]})
     text = 'import "Joints.idsl";\nmodule M { sequence<RoboCompJoints::Joint> All; };\n'
     editor.open("M.idsl", text)
-    editor.client.workspace_did_change_configuration(lsp.DidChangeConfigurationParams(settings))
-    assert editor.change("M.idsl", text + "\n") == []
+    for settings in (None, {}, {"pylsp": {"plugins": {}}}, {"robocomp": None}, {"robocomp": {}}, [1]):
+        editor.client.workspace_did_change_configuration(lsp.DidChangeConfigurationParams(settings))
+        text += "\n"
+        assert editor.change("M.idsl", text) == [], settings
     assert editor.leave() == 0
 
 
