@@ -173,15 +173,26 @@ def test_a_declared_exception_is_told_to_machines(talker: object, capsys: Said) 
     assert json.loads(capsys.readouterr().out) == {"ret": 3, "remainder": 1}
 
 
-@pytest.mark.parametrize("arguments", [("echo", "news"), ("hz", "news"), ("bw", "news"), ("delay", "news"), ("top",)])
-def test_a_command_that_goes_on_ends_by_a_signal(talker: object, arguments: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "number", "code"),
+    [
+        (("echo", "news"), signal.SIGINT, 130),
+        (("echo", "news"), signal.SIGTERM, 143),
+        (("hz", "news"), signal.SIGINT, 130),
+        (("bw", "news"), signal.SIGINT, 130),
+        (("delay", "news"), signal.SIGINT, 130),
+        (("top",), signal.SIGINT, 130),
+    ],
+)
+def test_a_command_that_goes_on_ends_by_a_signal(
+    talker: object, arguments: tuple[str, ...], number: signal.Signals, code: int
+) -> None:
     command = [sys.executable, "-m", "robocomp_py.cli.rc", *arguments, "--json"]
-    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            assert process.stdout
-            assert process.stderr
-            assert json.loads(process.stdout.readline())
-            process.send_signal(number)
-            process.stdout.read()
-            assert process.stderr.read() == ""
-        assert process.returncode == code
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stderr
+        assert json.loads(process.stdout.readline())
+        process.send_signal(number)
+        process.stdout.read()
+        assert process.stderr.read() == ""
+    assert process.returncode == code
