@@ -25,6 +25,10 @@ _LOOK = 1.0
 """Seconds between two looks for topics that are new. A look takes at most half of the time, and a tenth of the
 processor's."""
 
+_EAGER = 10.0
+"""Seconds after the first look in which that does not hold while there is no topic: a command waits for one, and its
+first look, which may have come too early, also imports what a middleware needs."""
+
 
 class Track(Protocol):
     """Takes the messages of a topic, on any thread, and counts them."""
@@ -87,6 +91,8 @@ class Session:
         """By topic, host, middleware and contract."""
         self._failed: set[tuple[str, str]] = set()
         self._next = 0.0
+        self._begun = 0.0
+        """When the first look began."""
 
     @property
     def followed(self) -> list[Followed]:
@@ -98,6 +104,7 @@ class Session:
         if begun < self._next:
             return
         used = time.thread_time()
+        self._begun = self._begun or begun
         network = self._census()
         ended = time.monotonic()
         self._next = max(begun + _LOOK, 2 * ended - begun, begun + 10 * (time.thread_time() - used))
@@ -105,6 +112,8 @@ class Session:
             self._follow(channel)
         if self._followed:  # otherwise the caller tells what it waits for
             self._propose(network)
+        elif ended - self._begun < _EAGER:
+            self._next = begun + _LOOK
         self._also(network)
 
     def _propose(self, network: Network) -> None:

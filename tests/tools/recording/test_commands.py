@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,10 +21,12 @@ from robocomp_py.cli import rc
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
+from robocomp_py.tools.network import Network
 from robocomp_py.tools.recording.bag import Options
+from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.tools.recording.reader import Recording, values_by_topic
-from robocomp_py.tools.recording.session import Session
-from robocomp_py.tools.recording.writer import Recorder
+from robocomp_py.tools.recording.session import Session, Track
+from robocomp_py.tools.recording.writer import Convert, Recorder
 from robocomp_py.transports.base import find_transport
 
 from ...runtime.test_run import make, running
@@ -229,3 +233,22 @@ def test_a_table_is_written(run: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert rows[0] == ["log_time", "publish_time", "sequence", "number", "text"]
     assert rows[3] == ["2000000000", "1999999995", "3", "2", "hello"]
     assert len(rows) == 7
+
+
+def test_the_first_topic_is_looked_for_often_however_long_a_look_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first look imports what a middleware needs, and may come before others have told of their topics."""
+    looks: list[int] = []
+
+    def census() -> Network:
+        looks.append(1)
+        return Network(())
+
+    monkeypatch.setattr(time, "thread_time", itertools.count(step=1000).__next__)
+    with Access() as access:
+        session = Session(Untouched(), access, census, ("news",), print)
+        wait_until(lambda: bool(session.look() or len(looks) > 1))
+
+
+class Untouched:
+    def track(self, topic: Topic, convert: Convert) -> Track:
+        raise AssertionError("there is no topic")
