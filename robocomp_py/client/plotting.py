@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from .hearing import Listening
 
 
+_GAP = math.nan
+
+
 def plot(
     name: str, first: str, listen: Callable[[float], Listening], fields: Sequence[str], seconds: float, axes: Any
 ) -> Any:
@@ -30,8 +34,12 @@ def plot(
     if not times:
         raise Timeout(f"{name}: no message came in {seconds:g} s")
     for field, column in columns.items():
-        if isinstance(column[-1], np.ndarray):
-            drawn.plot(column[-1], label=field)
+        if all(each is _GAP for each in column):
+            raise ValueError(f"`{field}` is in none of {len(column)} messages: they have too few items")
+    for field, column in columns.items():
+        arrays = [each for each in column if isinstance(each, np.ndarray)]
+        if arrays:
+            drawn.plot(arrays[-1], label=field)
             drawn.set_xlabel("number")
         else:
             drawn.plot(times, column, label=field)
@@ -63,7 +71,10 @@ def _gathered(
             if not columns:
                 columns = {path: [] for field in fields or ("",) for path in numbers_below(message, field, first)}
             for path, column in columns.items():
-                column.append(_number(part_of(message, path, first), path or first))
+                try:
+                    column.append(_number(part_of(message, path, first), path or first))
+                except IndexError:  # of too few items: the curve has a gap
+                    column.append(_GAP)
             times.append(now)
             if now >= seconds:
                 break
@@ -76,7 +87,10 @@ def numbers_below(message: Any, field: str, first: str) -> list[str]:
         raise ValueError(
             f"`{field}` has [*] more than once; draw one of these arrays: {field.replace('[*]', '[0]', 1)}"
         )
-    value = part_of(message, field, first)
+    try:
+        value = part_of(message, field, first)
+    except IndexError:  # another message may have more items
+        return [field]
     if not isinstance(value, Record):
         return [field]
     found = [f"{field}.{each}" if field else each for each in _numbers(value)]
@@ -119,7 +133,8 @@ def _part(value: Any, parts: Sequence[str | int | Wide]) -> Any:
             case str():
                 value = getattr(value, python_name(each))
             case Wide.ITEMS:
-                return np.array([_part(item, parts[place + 1 :]) for item in value])
+                found = [_part(item, parts[place + 1 :]) for item in value]
+                return np.array(found) if all(isinstance(item, bool | int | float) for item in found) else found
             case Wide.FIELDS:
                 return value
     return value
@@ -130,6 +145,11 @@ def _number(value: Any, field: str) -> Any:
         return value
     if isinstance(value, bool | int | float):
         return value
-    kind = "a sequence" if isinstance(value, list | np.ndarray) else type(value).__name__
-    hint = f"; write a number of its items, as {field}[*].x or {field}[0].x" if kind == "a sequence" and field else ""
+    kind, hint = type(value).__name__, ""
+    if isinstance(value, list | np.ndarray):
+        item = value[0] if len(value) else None
+        kind = f"a sequence of {type(item).__name__}" if len(value) else "a sequence without items"
+        if isinstance(item, Record) and field and "[*]" not in field:
+            inner = next(_numbers(item), item.__contract__.fields[0].name)
+            hint = f"; write a number of its items, as {field}[*].{inner} or {field}[0].{inner}"
     raise ValueError(f"`{field or 'the message'}` is {kind}, and only numbers and arrays of them are drawn{hint}")

@@ -19,7 +19,7 @@ import pytest
 
 from robocomp_py import connect
 from robocomp_py.client import Connection
-from robocomp_py.client.plotting import numbers_below, part_of
+from robocomp_py.client.plotting import numbers_below, part_of, plot
 from robocomp_py.client.session import NotThere
 from robocomp_py.client.values import Record, Types, record
 from robocomp_py.contract.types import FLOAT64, INT32, STRING, Enumeration, ExceptionType, Field, Sequence, Struct
@@ -302,6 +302,35 @@ def test_values_are_drawn(net: Any) -> None:
     ):
         with pytest.raises((ValueError, AttributeError), match=why):
             net.talker.Everything.plot(path, seconds=0.1, axes=axes)
+
+
+def test_a_curve_has_a_gap_where_a_message_has_too_few_items() -> None:
+    from matplotlib.figure import Figure
+
+    point = Struct("A::Point", (Field("name", STRING), Field("x", FLOAT64)))
+    made: Any = record(point.name, point.fields).python
+    scan: Any = record("A::Scan", (Field("points", Sequence(point)),)).python
+    messages = [scan([]), scan([made("a", 1.0), made("b", 2.0)]), scan([made("a", 3.0)])]
+
+    def drawn(*fields: str) -> Any:
+        listening: Any = contextlib.nullcontext(messages)
+        return plot("it", "", lambda _: listening, fields, 5.0, Figure().subplots())
+
+    (line,) = drawn("points[0].x").lines
+    assert np.array_equal(line.get_ydata(), [np.nan, 1.0, 3.0], equal_nan=True)
+    for field, why in (
+        ("points[2].x", r"`points\[2\]\.x` is in none of 3 messages: they have too few items"),
+        ("points", r"`points` is a sequence without items, and only numbers"),
+        (
+            "points[*].name",
+            r"`points\[\*\]\.name` is a sequence of str, and only numbers and arrays of them are drawn$",
+        ),
+    ):
+        with pytest.raises(ValueError, match=why):
+            drawn(field)
+    del messages[0]
+    with pytest.raises(ValueError, match=r"write a number of its items, as points\[\*\]\.x or points\[0\]\.x"):
+        drawn("points")
 
 
 def test_what_cannot_be_meant_is_refused_with_what_to_do(net: Any) -> None:
