@@ -50,7 +50,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.epilog = _EXAMPLES
     completed(to.add_argument("topic", metavar="NAME", help=TOPIC), What.TOPIC)
     add_request(to)
-    to.add_argument("--rate", type=positive, metavar="HZ", help="publish so often a second, until Ctrl-C or -n")
+    to.add_argument("--rate", type=positive, metavar="HZ", help="messages a second, until Ctrl-C or -n (default: 1)")
     to.add_argument("-n", "--count", dest="most", type=count, metavar="COUNT", help="how many messages (default: one)")
     to.add_argument(
         "--latch",
