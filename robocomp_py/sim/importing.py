@@ -6,8 +6,9 @@ InnerModel does not have is left out, and listed.
 
 from __future__ import annotations
 
+import itertools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -43,6 +44,8 @@ _COUNTED = {
 
 @dataclass(frozen=True)
 class Imported:
+    """What became of a file."""
+
     tree: Tree
     meshes: dict[str, str] = field(default_factory=dict)
     """The texts of the files of its meshes in the format OBJ, by their paths beside the scene."""
@@ -53,7 +56,7 @@ class Imported:
 def imported(path: Path, meshes: str = "meshes") -> Imported:
     """The scene of a file of URDF or MJCF. `meshes` is the folder of its meshes, beside the scene.
 
-    Raises InnerModelError for a file that MuJoCo cannot read, and for a joint that InnerModel does not have.
+    Raises InnerModelError for a file that MuJoCo cannot read or that has no link, and for a ball joint.
     """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -78,17 +81,17 @@ def _read(path: Path) -> mujoco.MjModel:
 
 
 def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:
-    """The scene of a model of MuJoCo. Raises InnerModelError for a joint that InnerModel does not have."""
+    """The scene of a model of MuJoCo. Raises InnerModelError for a ball joint."""
     made = Imported(Tree())
     frames = {0: ROOT_ID}
     for number in range(1, model.nbody):
         frames[number] = _add_body(made.tree, model, number, frames[int(model.body_parentid[number])])
-    twice = _seen_only(model)
+    seen_only = _seen_only(model)
     for number in range(model.ngeom):
-        if number not in twice:
+        if number not in seen_only:
             _add_shape(made, model, number, frames[int(model.geom_bodyid[number])], meshes)
-    if twice:
-        made.left_out.append(f"shapes that touch nothing, of links with others: {len(twice)}")
+    if seen_only:
+        made.left_out.append(f"shapes that touch nothing, of links that also have solid ones: {len(seen_only)}")
     counts = {name: int(getattr(model, key, 0)) for key, name in _COUNTED.items()}
     made.left_out.extend(f"{count} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
     made.left_out.extend(_equality(model, number) for number in range(model.neq))
@@ -96,8 +99,11 @@ def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:
 
 
 def _seen_only(model: mujoco.MjModel) -> set[int]:
-    """The geoms that touch nothing, of bodies that have others: many files have each link twice. All shapes of a scene
-    are solid."""
+    """The geoms that touch nothing, of bodies with geoms that do.
+
+    Many files have two sets of shapes for each link: one to be seen, and one to collide. A scene has solid
+    shapes only.
+    """
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     solid = set(model.geom_bodyid[touches].tolist()) - {0}
     return {number for number in np.flatnonzero(~touches).tolist() if int(model.geom_bodyid[number]) in solid}
@@ -116,7 +122,7 @@ def _add_body(tree: Tree, model: mujoco.MjModel, number: int, parent: str) -> st
     joints = [model.joint(each) for each in range(body.jntadr[0], body.jntadr[0] + body.jntnum[0])]
     is_free = any(model.jnt_type[joint.id] == _FREE for joint in joints)
     free: dict[str, Value] = {"engine": "bullet", "mass": _rounded(model.body_mass[number])} if is_free else {}
-    name = first = _free_id(tree, body, "body")
+    name = first = _id_of(tree, body, "body")
     tree.add(parent, "transform", name, **_placed(_pose(body.pos, body.quat)), **free)
     for joint in joints:
         if model.jnt_type[joint.id] != _FREE:
@@ -125,7 +131,7 @@ def _add_body(tree: Tree, model: mujoco.MjModel, number: int, parent: str) -> st
 
 
 def _add_joint(tree: Tree, model: mujoco.MjModel, joint: Any, parent: str, body: str) -> str:
-    label = _free_id(tree, joint, "joint")
+    label = _id_of(tree, joint, "joint")
     kind = _KINDS.get(int(model.jnt_type[joint.id]))
     if kind is None:
         raise InnerModelError(
@@ -136,10 +142,12 @@ def _add_joint(tree: Tree, model: mujoco.MjModel, joint: Any, parent: str, body:
     factor = 1.0 if kind == "joint" else 1000.0
     low, high = (_rounded(factor * (each - model.qpos0[joint.qposadr[0]])) for each in joint.range)
     limits = {"min": low, "max": high} if model.jnt_limited[joint.id] else {}
-    tree.add(parent, "transform", f"{label}_axis", **_placed(turn))
-    tree.add(f"{label}_axis", kind, label, axis="z", **limits)
-    tree.add(label, "transform", f"{label}_moved", **_placed(axes.inverse(turn)))
-    return f"{label}_moved"
+    before = _free_id(tree, f"{label}_axis")
+    tree.add(parent, "transform", before, **_placed(turn))
+    tree.add(before, kind, label, axis="z", **limits)
+    after = _free_id(tree, f"{label}_moved")
+    tree.add(label, "transform", after, **_placed(axes.inverse(turn)))
+    return after
 
 
 def _add_shape(made: Imported, model: mujoco.MjModel, number: int, parent: str, meshes: str) -> None:
@@ -147,17 +155,20 @@ def _add_shape(made: Imported, model: mujoco.MjModel, number: int, parent: str, 
     if lost := _UNKNOWN.get(kind):
         made.left_out.append(f"the {lost} {getattr(model, lost)(geom.dataid[0]).name}")
         return
-    name = _free_id(made.tree, geom, "geom")
-    made.tree.add(parent, "transform", f"{name}_at", **_placed(_pose(geom.pos, geom.quat)))
+    name = _id_of(made.tree, geom, "geom")
+    place = _free_id(made.tree, f"{name}_at")
+    made.tree.add(parent, "transform", place, **_placed(_pose(geom.pos, geom.quat)))
     colour = _colour(model, number)
     if kind == _MESH:
         label = model.mesh(geom.dataid[0]).name or f"mesh{geom.dataid[0]}"
-        file = str(PurePosixPath(meshes, f"{label.replace('/', '_')}{colour.replace('#', '-')}.obj"))
-        made.meshes[file] = _obj(model, int(geom.dataid[0]), colour)
-        made.tree.add(f"{name}_at", "mesh", name, file=file)
+        stem = str(PurePosixPath(meshes, f"{label.replace('/', '_')}{colour.replace('#', '-')}"))
+        text = _obj(model, int(geom.dataid[0]), colour)
+        file = next(each for each in _numbered(stem, ".obj") if made.meshes.get(each, text) == text)
+        made.meshes[file] = text
+        made.tree.add(place, "mesh", name, file=file)
         return
     dressed = {"texture": colour} if colour else {}
-    made.tree.add(f"{name}_at", "plane", name, **_box(model, number), **dressed)
+    made.tree.add(place, "plane", name, **_box(model, number), **dressed)
 
 
 def _box(model: mujoco.MjModel, number: int) -> dict[str, Any]:
@@ -209,10 +220,18 @@ def _rounded(number: float) -> float:
     return round(float(number), 6) + 0.0
 
 
-def _free_id(tree: Tree, thing: Any, kind: str) -> str:
+def _id_of(tree: Tree, thing: Any, kind: str) -> str:
     """An id for a body, a joint or a shape. MuJoCo needs no names, and lets a body and a joint have the same one."""
     name = thing.name or f"{kind}{thing.id}"
-    found, number = name if name not in tree else f"{name}_{kind}", 0
-    while found in tree:
-        found, number = f"{name}_{kind}{number}", number + 1
-    return found
+    return name if name not in tree else _free_id(tree, f"{name}_{kind}")
+
+
+def _free_id(tree: Tree, name: str) -> str:
+    """This id, or if a node has it, the same with the first number that makes it free."""
+    return next(each for each in _numbered(name) if each not in tree)
+
+
+def _numbered(name: str, ending: str = "") -> Iterator[str]:
+    """This name, then the same with a number: `arm.obj`, `arm0.obj`, `arm1.obj` …"""
+    yield f"{name}{ending}"
+    yield from (f"{name}{number}{ending}" for number in itertools.count())

@@ -133,12 +133,31 @@ def test_joints_without_a_name_and_with_the_name_of_their_body_get_ids() -> None
     assert {"root_body", "geom0", "arm_geom"} <= set(tree.ids)
 
 
+def test_ids_of_frames_that_the_import_adds_may_be_names_of_the_file() -> None:
+    inner = '<body><joint name="hip"/><geom name="x_at" size=".1"/><geom name="x" size=".1"/></body>'
+    tree = mjcf(f'<body name="hip_axis"><body name="hip_moved">{inner}</body></body>').tree
+    assert [tree.node(each).parent for each in ("hip", "x")] == ["hip_axis0", "x_at0"]
+    assert tree.node("x_at").parent == "x_at_at"
+    assert tree.node("hip_moved0").parent == "hip"
+
+
+def test_meshes_whose_names_differ_in_a_slash_alone_have_files_of_their_own() -> None:
+    corners = "0 0 0  {0} 0 0  0 {0} 0  0 0 {0}"
+    shapes = (("a/b", 1), ("a_b", 2), ("a/b", 1))
+    assets = "".join(f'<mesh name="{name}" vertex="{corners.format(size)}"/>' for name, size in shapes[:2])
+    geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name, _ in shapes)
+    found = mjcf(f"<body>{geoms}</body>", f"<asset>{assets}</asset>")
+    files = [found.tree.node(f"geom{number}").values["file"] for number in range(3)]
+    assert files == ["meshes/a_b.obj", "meshes/a_b0.obj", "meshes/a_b.obj"]
+    assert len(set(found.meshes.values())) == 2
+
+
 def test_of_a_link_that_is_there_twice_the_shapes_that_touch_are_kept() -> None:
     seen = 'contype="0" conaffinity="0" size=".1"'
     found = mjcf(f'<body><geom name="a" size=".1"/><geom name="b" {seen}/></body><body><geom name="c" {seen}/></body>')
     assert {"a", "c"} <= set(found.tree.ids)
     assert "b" not in found.tree
-    assert found.left_out == ["shapes that touch nothing, of links with others: 1"]
+    assert found.left_out == ["shapes that touch nothing, of links that also have solid ones: 1"]
 
 
 def test_colours_of_shapes_and_of_materials_are_kept() -> None:
