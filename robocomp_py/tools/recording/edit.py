@@ -21,20 +21,24 @@ from .layout import Topic
 from .reader import Recorded, RecordedTopic, Recording
 
 _REMEMBERED = 100_000
-"""Messages that are compared with later ones."""
+"""Maximum number of messages with which a later one is compared."""
 
 
 class Once:
-    """Tells which messages another recording has, too, as of two hosts that both heard a topic. It remembers the last
-    hundred thousand messages, so that their log times may differ by some minutes."""
+    """Tells messages apart that several recordings have, for example because two hosts recorded the same topic.
+
+    It compares each message with the last hundred thousand, so the log times of both may differ by some minutes.
+    """
 
     def __init__(self) -> None:
         self._seen: OrderedDict[tuple[str, int, int, int], int] = OrderedDict()
-        """The number of the recording by topic, time of sending, number and size."""
+        """The number of the recording by topic, time of sending, number and hash of the data."""
         self.repeated = 0
+        """Messages that were not new."""
 
     def is_new(self, message: Recorded, recording: int) -> bool:
-        key = message.topic.name, message.publish_time, message.sequence, len(message.data)
+        """Whether no recording of another number had this message before."""
+        key = message.topic.name, message.publish_time, message.sequence, hash(message.data)
         if self._seen.setdefault(key, recording) != recording:
             self.repeated += 1
             return False

@@ -23,6 +23,7 @@ from robocomp_py.tools.access import Access
 from robocomp_py.tools.census import take_census
 from robocomp_py.tools.network import Network
 from robocomp_py.tools.recording.bag import Options
+from robocomp_py.tools.recording.edit import Once
 from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.tools.recording.reader import Recording, values_by_topic
 from robocomp_py.tools.recording.session import Session, Track
@@ -206,6 +207,17 @@ def test_recordings_are_merged_in_the_order_of_their_times_without_what_both_hav
     told = complained(capsys, "bag", "merge", tmp_path / "late", tmp_path / "early", "-o", tmp_path / "both", code=0)
     assert numbers_in(tmp_path / "both") == [0, 1, 2, 3, 4, 5]
     assert told == "rc bag merge: 1 message of several recordings written once\n"
+
+
+def test_messages_of_the_same_time_and_number_with_other_data_are_not_one(tmp_path: Path) -> None:
+    """Two runs in simulated time may have such messages."""
+    with Recording(filled(tmp_path / "run", Options(), 3)) as recording:
+        one = list(recording.messages())
+    other = [each._replace(data=each.data[:-1] + b"?") for each in one]
+    once = Once()
+    new = [[once.is_new(each, number) for each in messages] for number, messages in enumerate((one, other, one))]
+    assert new == [[True] * 3, [True] * 3, [False] * 3]
+    assert once.repeated == 3
 
 
 def test_names_of_types_are_converted(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
