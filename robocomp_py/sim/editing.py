@@ -108,9 +108,12 @@ class Editing:
         return True
 
     def reset(self, seed: int) -> None:
-        """Let the world begin again with the tree that it had at first, and without notes and points."""
-        self._draft, self._placed, self._notes, self.clouds = None, {}, {}, {}
+        """Let the world begin again with the tree that it had at first, and without notes and points.
+
+        Raises InnerModelError if that tree cannot be used any more; then all stays as it is.
+        """
         self._world.reset(seed, self._first)
+        self._draft, self._placed, self._notes, self.clouds = None, {}, {}, {}
 
     # Nodes.
 
