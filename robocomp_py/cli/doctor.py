@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE, USAGE, WRONG, add_include
+from .common import FINE, USAGE, WRONG, add_include, counted
 from .completing import What, completed
 from .hosts import add_hosts, code_of, hosts_of
 from .live import add_json, add_middleware, reported
@@ -94,13 +94,12 @@ def run(options: argparse.Namespace) -> int:
         wrong = sum(finding.weight is not Weight.NOTE for _, finding in found)
         notes = len(found) - wrong
         if not options.json:
-            number = len(facts.network.components())
+            components = counted(len(facts.network.components()), "component")
             machines = [*(["this machine"] if hosts.here else []), *(each.host for each in facts.places)]
-            checks = len(set(options.check)) or len(CHECKS)
-            components = f"{number} component{'s' * (number != 1)}"
-            looked = f"{checks} check{'s' * (checks != 1)} of {', '.join(machines)} and {components}"
-            also = f", {notes} note{'s' * (notes > 1)}" if notes else ""
-            print(f"{looked}: {wrong} finding{'s' * (wrong != 1)}{also}", file=sys.stderr)
+            checks = counted(len(set(options.check)) or len(CHECKS), "check")
+            looked = f"{checks} of {', '.join(machines)} and {components}"
+            also = f", {counted(notes, 'note')}" if notes else ""
+            print(f"{looked}: {counted(wrong, 'finding')}{also}", file=sys.stderr)
         return code_of(hosts, WRONG if wrong or troubles else FINE)
     return code()
 

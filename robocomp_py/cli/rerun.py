@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG
+from .common import FINE, WRONG, counted
 from .completing import What, completed
 from .live import add_json, reported
 
@@ -165,8 +165,7 @@ def _bisect(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(found._asdict()))
     else:
-        print(
-            f"the first of them that differs is {found.commit[:12]}: {found.subject} ({found.tried} commits were tried)"
-        )
+        tried = counted(found.tried, "commit")
+        print(f"the first of them that differs is {found.commit[:12]}: {found.subject} ({tried} tried)")
         print(one_line(found.difference))
     return WRONG

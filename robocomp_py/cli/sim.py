@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import RobocompError
 from . import starting
-from .common import FINE, complain
+from .common import FINE, complain, counted
 from .completing import What, completed
 from .viewing import EDIT_HELP, VIEW_HELP, add_edit, add_view, edit, view
 
@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
         wrong = f"rc sim: {options.scene} has no device that can be provided: {kinds}"
         return complain(wrong + (f"; it has {missing}" if missing else ""))
     if tree.problems:
-        told = f"{len(tree.problems)} warning{'s' * (len(tree.problems) > 1)} about {options.scene}"
+        told = f"{counted(len(tree.problems), 'warning')} about {options.scene}"
         print(f"{told}; to read: rc lint {options.scene}", file=sys.stderr)
     if options.action == "offers":
         if missing:
@@ -171,7 +171,7 @@ def _import(robot: Path, scene: Path) -> int:
         return complain(f"rc sim import: {exc}")
     if found.left_out:
         print(f"left out: {'; '.join(found.left_out)}")
-    print(f"{scene} has {len(found.tree) - 1} nodes; to see it: rc sim view {scene}")
+    print(f"{scene} has {counted(len(found.tree) - 1, 'node')}; to see it: rc sim view {scene}")
     return FINE
 
 

@@ -56,9 +56,9 @@ class Followed:
         self.pause: Callable[[threading.Event, float], bool] = threading.Event.wait
         """Waits for an event like its `wait`, with a time limit in seconds, and may do other work in the meantime."""
         self._now = 0
-        """What is shown."""
+        """The time that handlers see."""
         self._reached = 0
-        """What is due until then goes on."""
+        """The time until which hooks and timers that are due may run."""
         self.due_next = NEVER
         """What `due` was when it was moved quietly."""
         self._changed = threading.Lock()

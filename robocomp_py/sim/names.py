@@ -1,4 +1,5 @@
-"""Names of what MuJoCo has of a scene. Ids of nodes are printable, so none of these names is that of another node."""
+"""Names that the model in MuJoCo has for nodes and their parts. They are unique, since the separator is not printable,
+and ids of nodes are."""
 
 from __future__ import annotations
 
@@ -9,11 +10,11 @@ _BETWEEN = "\t"
 
 
 def of_part(name: str, part: str) -> str:
-    """The name of a part of what has a name: `turn` of a base."""
+    """The name of a part, such as the joint `turn` of a base. `name` is that of the whole."""
     return f"{name}{_BETWEEN}{part}"
 
 
 def split(name: str) -> tuple[str, str]:
-    """What has the part of this name, and the part."""
+    """The name of the whole, and the part, from the name that `of_part` made."""
     whole, _, part = name.rpartition(_BETWEEN)
     return whole, part

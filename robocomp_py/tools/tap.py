@@ -347,7 +347,7 @@ class _Subscriptions:
         start_thread(self._thread)
 
     def prepare(self) -> None:
-        """Import and make what shows messages. To do so after `open` takes no time while the first one is awaited."""
+        """Import and make what shows messages. After `open`, it costs no time: a message is awaited anyway."""
         for each in self._shows:
             each.prepare()
 

@@ -47,7 +47,7 @@ class Page(Closing):
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
 
     def dock(self) -> None:
-        """Put the panel beside the scene. Before, it covers a part of it, which does for a small panel."""
+        """Put the panel beside the scene. A panel that is not docked covers a part of the scene."""
         self.server.gui.main_panel.dock_right()
 
     @property

@@ -35,8 +35,9 @@ _AWAY = np.array((-0.7, -0.3, 0.8)) / math.sqrt(1.22)
 _RIGHT = np.array((0.3, -0.7, 0.0)) / math.sqrt(0.58)
 _UP = np.cross(_AWAY, _RIGHT)
 _IN_SIGHT = (0.5, 0.7)
-"""What is in sight to each side, and upwards and downwards, by its distance. The field of viser has 0.77 upwards; to
-the sides, it depends on the page: 0.52 of one of 475 by 700 pixels.
+"""How far a point may be from the middle of the picture, to a side and upwards, divided by its distance.
+
+The field of view of viser is 0.77 upwards. To the sides, it depends on the page: 0.52 if that has 475 by 700 pixels.
 """
 _NEAREST = 1.5
 """A new page looks from no nearer than this, m."""
