@@ -150,8 +150,8 @@ def _print(recording: Recording) -> None:
 
     messages = sum(recording.counts.values())
     seconds = (recording.end - recording.start) / 1e9
-    files = f"{len(recording.files)} file{'s' if len(recording.files) != 1 else ''}"
-    print(f"{recording.path}: {files}, {size(recording.octets)}, {messages} messages, {seconds:.1f} s")
+    files = counted(len(recording.files), "file")
+    print(f"{recording.path}: {files}, {size(recording.octets)}, {counted(messages, 'message')}, {seconds:.1f} s")
     if not messages:
         return
     print(f"from {time_of(recording.start)} to {time_of(recording.end)}")
@@ -238,7 +238,7 @@ def _convert(options: argparse.Namespace) -> int:
                 say("rc bag convert", f"{name}: {counted(number, 'message')} left out: {why}")
             for path, number in rows.items():
                 told = {"path": str(path), "rows": number}
-                print(json.dumps(told) if options.json else f"{path}: {number} rows")
+                print(json.dumps(told) if options.json else f"{path}: {counted(number, 'row')}")
             if not (rows or left_out):
                 say("rc bag convert", f"{options.recording} has no messages")
             return FINE if any(rows.values()) else WRONG

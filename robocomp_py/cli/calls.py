@@ -88,9 +88,9 @@ def _chosen(names: Sequence[str], network: Network, *, served: bool) -> tuple[li
     if not components:
         what = ", ".join(found)
         if served:
-            raise ValueError(f"no component serves {what} that can tell of its calls")
+            raise ValueError(f"no component that can tell of its calls serves {what}")
         raise ValueError(
-            f"no component uses {what} that can tell of its calls; --served also hears `rc call` and scripts"
+            f"no component that can tell of its calls uses {what}; --served also hears `rc call` and scripts"
         )
     return chosen, components
 

@@ -140,6 +140,6 @@ def _sentence(told: dict[str, Any]) -> str:
 
     if "field" in told:
         span = f"{told['least']:g} to {told['most']:g}, mean {told['mean']:g}"
-        return f"{told['topic']} {told['field']}: {told['values']} values, {span}"
+        return f"{told['topic']} {told['field']}: {counted(told['values'], 'value')}, {span}"
     p50, p99, longest = (milliseconds(told[name]) for name in ("p50_s", "p99_s", "longest_s"))
     return f"{told['topic']}: {counted(told['messages'], 'message')}, p50 {p50} ms, p99 {p99} ms, longest {longest} ms"

@@ -360,7 +360,8 @@ def _sum_up(
     for each in parts:
         print(f"  {each.channel}: {_fate(each, stage.ways(each))}", flush=True)
     for query in answers:
-        over = f"{query.answered} calls answered over {', '.join(query.ways)}" if query.ways else "nothing called it"
+        answered = f"{counted(query.answered, 'call')} answered"
+        over = f"{answered} over {', '.join(query.ways)}" if query.ways else "nothing called it"
         print(f"  {query.channel}: {over}", flush=True)
 
 

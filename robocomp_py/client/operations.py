@@ -225,7 +225,8 @@ class Topic(Described):
     def listen(self, timeout: float | None = None, *, depth: int | None = None) -> Listening:
         """All messages from now on, as an iterator. At most `depth` wait (100), then the oldest ones are dropped.
 
-        It ends when the connection is closed, and raises Timeout if no message comes for `timeout` seconds.
+        It ends when the connection is closed, and raises Timeout if no message comes for `timeout` seconds. Raises
+        ValueError for a negative `timeout`.
         """
         return self._heard().listen(timeout, depth)
 

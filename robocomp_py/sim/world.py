@@ -357,7 +357,7 @@ class World(Motion, Touching):
         return Pose(*self._drive(base).corrected)
 
     def speed(self, base: str) -> Speed:
-        """What the wheels of a base do, without its noise: 0 if it is blocked.
+        """The speed of a base by its wheels, in mm/s and rad/s, without its noise: 0 if it is blocked.
 
         With physics on, less than 0.1 mm/s and 0.001 rad/s count as 0.
         """

@@ -102,7 +102,7 @@ def test_what_cannot_be_shown_is_said(pair: str, capsys: pytest.CaptureFixture[s
     over = ("--middleware", pair, "--timeout", "0.3")
     assert "`rc echo --calls divide` shows its calls" in complained(capsys, "echo", "divide", *over)
     unheard = complained(capsys, "echo", "--calls", "calculator/CommonBehavior/getState", *over)
-    assert unheard.startswith("rc echo: no component uses desk/calculator/CommonBehavior/getState that can tell")
+    assert unheard.startswith("rc echo: no component that can tell of its calls uses desk/calculator/CommonBehavior/")
     assert complained(capsys, "echo", "--served", "divide", *over, code=2) == "rc echo: --served is for --calls\n"
     unfit = complained(capsys, "echo", "--calls", "divide", "--field", "ret", "--csv", *over, code=2)
     assert unfit == "rc echo: --field, --csv: for topics only; --calls prints whole calls\n"

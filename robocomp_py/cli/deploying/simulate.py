@@ -18,7 +18,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..common import FINE, USAGE, WRONG, complain, signalled
+from ..common import FINE, USAGE, WRONG, complain, counted, signalled
 from ..completing import What, completed
 from ..network import add_network, override_words
 from ..progress import Progress
@@ -171,7 +171,7 @@ def _tell(name: str, sim: Simulation, took: float, *, as_json: bool) -> None:
     shown = f"{factor:,.0f}" if factor >= 10 else f"{factor:.2g}"
     fast = f", {shown} times as fast as real time" if sim.time else ""
     print(f"{name}: {sim.time:.10g} s in {took:.2g} s{fast}")
-    print(f"{sim.record.messages} messages, hash {sim.hash}")
+    print(f"{counted(sim.record.messages, 'message')}, hash {sim.hash}")
     from ...spelling import enumerated
 
     if sim.failed:
@@ -258,7 +258,7 @@ def _compare(first: Path, second: Path) -> int:
                 print(f"{_sender(line or differing)} depends on something that is not part of the simulation: the time "
                       "of day, random numbers of its own, a thread, or the order of a set")  # fmt: skip
                 return WRONG
-    print(f"both runs said the same: {number} messages")
+    print(f"both runs said the same: {counted(number, 'message')}")
     return FINE
 
 

@@ -26,8 +26,8 @@ _LOOK = 1.0
 processor's."""
 
 _EAGER = 10.0
-"""Seconds after the first look in which that does not hold while there is no topic: a command waits for one, and its
-first look, which may have come too early, also imports what a middleware needs."""
+"""Seconds after the first look in which a look may take longer, if there is no topic yet. A command waits for one. Its
+first look may come too early, and takes long, since it imports what a middleware needs."""
 
 
 class Track(Protocol):
