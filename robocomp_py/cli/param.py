@@ -30,6 +30,8 @@ from .live import (
 )
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from ..runtime.RoboCompIntrospection import Setting
     from ..tools.access import Access
     from ..tools.network import Network
@@ -102,6 +104,10 @@ class _At:
 
         return params.read(self.access, self.network, component, self.deadline)
 
+    def asked(self) -> dict[str, Future[list[Setting]]]:
+        """The settings of all components, which are asked at the same time: one that hangs takes a whole deadline."""
+        return {name: self.access.threads.submit(self.settings, name) for name in self.names}
+
     @property
     def one(self) -> str:
         if len(self.names) > 1:
@@ -147,9 +153,9 @@ def _list(at: _At, options: argparse.Namespace) -> int:
     from ..tools import params
 
     rows = []
-    for component in at.names:
+    for component, told in at.asked().items():
         try:
-            found = at.settings(component)
+            found = told.result()
         except RobocompError as exc:
             say("rc param list", f"{component}: {exc}")
             continue
@@ -259,7 +265,7 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
 def _dump(at: _At, options: argparse.Namespace) -> int:
     from ..tools import params
 
-    print(params.to_yaml({name: at.settings(name) for name in at.names}), end="")
+    print(params.to_yaml({name: told.result() for name, told in at.asked().items()}), end="")
     return FINE
 
 

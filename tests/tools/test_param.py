@@ -42,6 +42,24 @@ def test_parameters_are_listed(tuned: Any, capsys: pytest.CaptureFixture[str]) -
     assert "max_speed" in said(capsys, "param", "list", "tuned", *OVER)
 
 
+def test_components_are_asked_at_the_same_time(
+    own_runtime_folder: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both, read = threading.Barrier(2, timeout=SOON), params.read
+
+    def wait_and_read(*arguments: Any) -> list[Setting]:
+        both.wait()
+        return read(*arguments)
+
+    monkeypatch.setattr(params, "read", wait_and_read)
+    made = [make(Tuned, find_transport, "middleware=shm", "params.device=here", name=name) for name in ("one", "two")]
+    with running(made[0]), running(made[1]):
+        wait_until(lambda: params.components(take_census(["shm"])) == ["one", "two"])
+        lines = [json.loads(line) for line in said(capsys, "param", "list", "--json", *OVER).splitlines()]
+        assert list(dict.fromkeys(line["component"] for line in lines)) == ["one", "two"]
+        assert said(capsys, "param", "dump", "one", "two", *OVER).count("ros__parameters") == 2
+
+
 def test_a_value_is_set_and_read(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
     told = json.loads(said(capsys, "param", "set", "tuned", "max_speed=1.5", "--json", *OVER))
     assert told == {"component": "robot1/tuned", "name": "max_speed", "value": 1.5}
