@@ -163,12 +163,14 @@ def _import(robot: Path, scene: Path) -> int:
         return complain(f"rc sim import: it needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})")
     try:
         found = imported(robot, folder.name)
+        (folder if found.meshes else scene.parent).mkdir(parents=True, exist_ok=True)
         for name, text in found.meshes.items():
-            folder.mkdir(parents=True, exist_ok=True)
             (scene.parent / name).write_text(text)
         found.tree.save(scene)
-    except (InnerModelError, OSError) as exc:
+    except InnerModelError as exc:
         return complain(f"rc sim import: {exc}")
+    except OSError as exc:
+        return complain(f"rc sim import: {exc.filename or scene}: {exc.strerror or exc}")
     if found.left_out:
         print(f"left out: {'; '.join(found.left_out)}")
     print(f"{scene} has {counted(len(found.tree) - 1, 'node')}; to see it: rc sim view {scene}")

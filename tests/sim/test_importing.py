@@ -195,6 +195,17 @@ def test_a_mesh_is_written_beside_the_scene_as_it_is(tmp_path: Path, capsys: pyt
     assert "scene.xml is there already; choose another file by -o" in capsys.readouterr().err
 
 
+def test_a_scene_is_written_into_a_new_folder_or_it_is_told_why_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    assert rc(["sim", "import", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "made" / "arm.xml")]) == 0
+    assert (tmp_path / "made" / "arm.xml").exists()
+    inside = tmp_path / "made" / "arm.xml" / "again"
+    assert rc(["sim", "import", str(tmp_path / "arm.urdf"), "-o", str(inside / "arm.xml")]) == 1
+    assert capsys.readouterr().err == f"rc sim import: {inside}: Not a directory\n"
+
+
 def test_numbers_of_a_converted_scene_are_not_inexact(tmp_path: Path) -> None:
     limited = '<joint type="slide" limited="true" range="-2.01 .11"/>'
     mjcf(f'<body>{limited}<geom type="capsule" size=".03 .3"/></body>').tree.save(tmp_path / "arm.xml")
