@@ -15,6 +15,9 @@ class Parser(argparse.ArgumentParser):
     """Unlike its base, it keeps the lines of descriptions and epilogs by default, and takes no abbreviated options: a
     script that has them would break once there is another option. So do its subparsers."""
 
+    _width = 80
+    """Longest line of the help, in characters."""
+
     def __init__(self, **options: Any) -> None:
         ours: dict[str, Any] = {"formatter_class": self._formatter, "allow_abbrev": False}
         super().__init__(**ours | options)
@@ -27,14 +30,12 @@ class Parser(argparse.ArgumentParser):
         self._measure()
         return super().format_usage()
 
-    _width = 80
-    """Longest line of the help, in characters."""
-
     def _formatter(self, prog: str) -> argparse.HelpFormatter:
-        """argparse makes a formatter for each argument, too, which would look for the width of the terminal."""
+        """A formatter of the known width. argparse makes one for each argument, and each would look for it."""
         return argparse.RawDescriptionHelpFormatter(prog, width=self._width)
 
     def _measure(self) -> None:
+        """Look once for the width of the terminal."""
         import shutil
 
         self._width = shutil.get_terminal_size().columns - 2

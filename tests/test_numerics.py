@@ -37,7 +37,7 @@ def test_the_number_that_the_user_has_chosen_stays() -> None:
 
 
 @pytest.mark.parametrize("command", ["list", "echo"])
-def test_commands_that_look_begin_so(command: str) -> None:
+def test_commands_that_look_load_numpy_so(command: str) -> None:
     program = f"""
 import os, sys
 from robocomp_py.cli import rc
