@@ -128,6 +128,11 @@ def _record_reader(dtype: np.dtype[Any]) -> ReadArray:
 
 
 def read_array(value: Any, dtype: np.dtype[Any], payload: Frames) -> np.ndarray[Any, Any]:
+    """A read-only array from what the library unpacked: octets, an extension, or a list of numbers.
+
+    `payload` has the buffers of large arrays. Raises ValueError for any other value, and for an array of another dtype;
+    OverflowError for a number out of range; KeyError, IndexError or struct.error for a damaged extension.
+    """
     if dtype.names:
         return _read_records(value, dtype, payload)
     if type(value) is bytes:
