@@ -60,16 +60,18 @@ def test_a_topic_is_recorded_and_read_by_us_and_by_ros(
 ) -> None:
     told = json.loads(said(capsys, "record", "news", "--for", "0.7", "-o", tmp_path / "run", "--json"))
     (topic,) = told["topics"]
-    assert (topic["channel"], topic["lost"], topic["dropped"], topic["unreadable"]) == (CHANNEL, 0, 0, 0)
+    assert (topic["channel"], topic["unreadable"]) == (CHANNEL, 0)
     with Recording(tmp_path / "run") as recording:
         messages = list(recording.messages())
         values = [values_by_topic()(each) for each in messages]
         assert recording.topics[CHANNEL].publisher == "talker"
         assert recording.topics[CHANNEL].middleware == talker
     assert len(messages) == topic["messages"] > 0
-    first, sequence = values[0][0], messages[0].sequence
-    assert values == [(first + n, "hello") for n in range(len(values))]
-    assert [each.sequence for each in messages] == list(range(sequence, sequence + len(values)))
+    sequences = [each.sequence for each in messages]
+    assert sequences == sorted(set(sequences))
+    assert values == [(values[0][0] + each - sequences[0], "hello") for each in sequences]
+    missing = sequences[-1] + 1 - sequences[0] - len(messages)  # none, unless the machine is very busy
+    assert topic["lost"] + topic["dropped"] >= missing
     assert all(0 <= each.log_time - each.publish_time < 60e9 for each in messages)
     with AnyReader([tmp_path / "run"], default_typestore=get_typestore(Stores.EMPTY)) as reader:
         found = [reader.deserialize(raw, each.msgtype).number for each, _, raw in reader.messages()]
