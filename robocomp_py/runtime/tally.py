@@ -5,7 +5,7 @@ differences. They are exact, also if several threads call at once: CPython 3.11 
 is called or begins and where a loop repeats, so never within `tally.count = count = tally.count + 1`. A lock would cost
 more than all the rest. The free-threaded builds of CPython would need one.
 
-Calls are timed, too. Of an operation with more than 10,000 calls a second, only every 64th is: that is enough for a
+Calls are timed, too. Of an operation with more than 2,000 calls a second, only every 64th is: that is enough for a
 percentile, and timing each would make a call within one process a third longer. The choice does not depend on how long
 a call takes.
 
@@ -41,7 +41,7 @@ MOST_KEPT = 256
 _EACH = 64
 """One of this number of calls is timed if they are frequent."""
 
-_FREQUENT = 0.0001
+_FREQUENT = 0.0005
 """Seconds from one call to the next, on average, below which they are."""
 
 log = logging.getLogger("robocomp.worker")

@@ -108,10 +108,11 @@ def test_every_call_is_timed_unless_calls_are_frequent() -> None:
     assert call(tally(), 1000, every_s=0.001) == 1000
 
 
-def test_of_frequent_calls_each_64th_is_timed() -> None:
+@pytest.mark.parametrize("every_s", [1e-5, 4e-4])
+def test_of_frequent_calls_each_64th_is_timed(every_s: float) -> None:
     made = tally()
-    call(made, 128, every_s=1e-5)
-    assert call(made, 6400, every_s=1e-5, begin_s=128e-5) == 100
+    call(made, 128, every_s)
+    assert call(made, 6400, every_s, begin_s=128 * every_s) == 100
 
 
 def test_one_pause_does_not_make_frequent_calls_rare() -> None:
