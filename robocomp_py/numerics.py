@@ -14,7 +14,8 @@ def one_thread() -> Iterator[None]:
     """While entered, an import of numpy starts no threads, unless the user has chosen their number.
 
     By default, OpenBLAS starts a thread for each further processor, and each of them is busy for about 25 ms before it
-    sleeps. Processes that are started meanwhile do so, too.
+    sleeps. Processes that are started while this is entered start no
+    threads either.
     """
     if _THREADS in os.environ:
         yield

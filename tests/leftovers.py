@@ -30,7 +30,7 @@ def killed_on_failure(command: Sequence[str], **options: Any) -> Iterator[subpro
     with subprocess.Popen(command, **options) as process:
         try:
             yield process
-        except BaseException:
+        except BaseException:  # also Ctrl-C and the timeout of a test
             process.kill()
             raise
 
@@ -40,7 +40,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     item.stash[_before] = set(threading.enumerate()), _children()
     try:
         return (yield)
-    except BaseException:
+    except BaseException:  # pytest's own failures are no Exception; all are raised again
         item.stash[_failed] = True
         raise
 

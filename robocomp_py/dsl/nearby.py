@@ -27,7 +27,7 @@ def nearby(path: Path, written: str, taken: Collection[str] = (), likely: str = 
         for ending in models:
             if path.with_suffix(ending).is_file():
                 return f"did you mean `{folder / f'{path.name}{ending}'}`?"
-    names = [each for each in names if str(folder / each) not in taken]
+    names = [each for each in names if str(folder / each) not in taken and each != path.name]
     near = f"{likely}{path.suffix}"
     near = near if near in names else mistyped(path.name, names)
     return f"did you mean `{folder / near}`?" if near else ""

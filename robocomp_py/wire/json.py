@@ -138,7 +138,7 @@ def take_fields(fields: Items[Field], given: Any, what: str) -> tuple[Any, ...]:
 
 
 def _deeper(fields: Items[Field], name: str) -> str:
-    """The path of a field of this name within one of these; "" if there is none."""
+    """Look for a field in the structs of these fields. Returns its path, such as `battery.percentage`, or ""."""
     return next(
         (
             f"{field.name}.{name}"

@@ -348,6 +348,8 @@ def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.Captur
 
 def test_the_folder_of_a_component_is_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "room").mkdir()
+    assert rc(["sim", "offers", str(tmp_path / "room")]) == 1
+    assert capsys.readouterr().err.endswith("/room: it is a folder\n")
     (tmp_path / "room.xml").touch()
     assert rc(["sim", "offers", str(tmp_path / "room")]) == 1
     assert f"it is a folder; did you mean `{tmp_path / 'room.xml'}`?" in capsys.readouterr().err

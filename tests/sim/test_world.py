@@ -311,12 +311,18 @@ def test_bases_that_may_touch_move_in_turn(solid: int, tmp_path: Path) -> None:
     assert touched
 
 
-def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
+def before_a_post(tmp_path: Path) -> World:
+    """A base that drives slowly to a post, with its arm turned aside."""
     post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
     room = world(tmp_path, POSTS.format(posts=post))
     room.move_joint("pan", math.pi / 2)
     room.drive("base", ahead=100.0)
     room.step(20)
+    return room
+
+
+def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
+    room = before_a_post(tmp_path)
     assert room.odometry("base").z == pytest.approx(10.0)
     room.move_joint("pan", 0.0)
     room.drive("base", ahead=600.0)
@@ -325,11 +331,7 @@ def test_an_arm_that_turned_stops_its_base(tmp_path: Path) -> None:
 
 
 def test_an_arm_that_turns_while_its_base_drives_stops_it(tmp_path: Path) -> None:
-    post = '<plane id="post" pz="1700" py="200" size="90,900,90" collide="1"/>'
-    room = world(tmp_path, POSTS.format(posts=post))
-    room.move_joint("pan", math.pi / 2)
-    room.drive("base", ahead=100.0)
-    room.step(20)
+    room = before_a_post(tmp_path)
     room.move_joint("pan", 0.0, 1.0)
     for _ in range(5):
         room.drive("base", ahead=100.0)
@@ -513,4 +515,4 @@ def test_meshes_that_are_not_there_can_be_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("times", [{"tick": 0.0}, {"tick": math.inf}, {"hold": -1.0}, {"hold": math.inf}])
 def test_a_tick_and_a_hold_are_finite_times(times: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=r"a tick of .* s, and a hold of .* s"):
-        World(Tree(), **times)  # type: ignore[arg-type]
+        World(Tree(), **times)  # type: ignore[arg-type]  # mypy: a time may be given as another parameter

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ...errors import ConfigurationError, RobocompError
 
 Differs = Callable[[Path], str]
-"""The first thing that the component in a folder does otherwise than the diary says; "" if there is none."""
+"""Takes the folder of a component, and returns its first difference from the diary, or ""."""
 
 _DEADLINE = 60.0
 """Seconds for one command of Git."""
