@@ -28,7 +28,7 @@ from .exclusive import SWEPT, is_gone, is_swept, left_in, mark_swept, sweep
 from .inotify import Watch
 from .members import Entry, Found, Member, member_in, understood
 from .membership import Membership
-from .places import INDEX, content_of, make_place, places_of, places_of_dead, remove_all
+from .places import INDEX, OF_MEMBERS, content_of, make_place, places_of, places_of_dead, remove_all
 from .runtime_folder import as_transport_error, runtime_dir
 
 log = logging.getLogger("robocomp.transport")
@@ -46,9 +46,6 @@ _ROLL_CALL = 1.0
 """Seconds between two checks whether found members live, while their places change."""
 
 _MOST_ASKED = 10_000
-
-_OF_MEMBERS = (".json", ".lock")
-"""Suffixes of the files of members. A member that was killed while leaving may have no lock any more."""
 
 
 def census(transport: str) -> list[Told]:
@@ -172,7 +169,7 @@ class Directory:
         """Become a member. Files of members that were killed while joining are removed, too."""
         with contextlib.suppress(OSError):
             if not is_swept(self._folder):
-                left = {os.path.splitext(name)[0] for name in os.listdir(self._folder) if name.endswith(_OF_MEMBERS)}
+                left = {os.path.splitext(name)[0] for name in os.listdir(self._folder) if name.endswith(OF_MEMBERS)}
                 mark_swept(self._folder, len(left))
                 for name in left:
                     pid = name.partition("-")[0]
@@ -376,7 +373,7 @@ def members_of(folder: Path) -> tuple[int, int]:
     """How many living members a folder has, and how many files killed processes have left. Raises OSError."""
     if not folder.is_dir():
         return 0, 0
-    ids = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(_OF_MEMBERS)}
+    ids = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(OF_MEMBERS)}
     members = {name: int(pid) for name in ids if (pid := name.partition("-")[0]).isdecimal()}
     dead = {name for name, pid in members.items() if is_gone(pid)}
     claims = {os.path.splitext(name)[0] for name in left_in(folder)} - dead
@@ -390,7 +387,7 @@ def clear(folder: Path) -> bool:
     The next member does so, too. This is for a program that has ended processes, since no further member may come.
     Raises OSError; files that could not be removed are harmless.
     """
-    members = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(_OF_MEMBERS)}
+    members = {os.path.splitext(name)[0] for name in os.listdir(folder) if name.endswith(OF_MEMBERS)}
     gone = [name for name in members if (pid := name.partition("-")[0]).isdecimal() and is_gone(int(pid))]
     directory = Directory(folder)
     found = [name for name in gone if not directory.alive(name)]

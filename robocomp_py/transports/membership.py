@@ -94,14 +94,13 @@ class Membership:
         with self._lock:
             if self._held < 0:
                 return
-            try:
-                with contextlib.suppress(OSError):  # otherwise the next member that looks removes it
-                    # first, so that peers that see the entries go find no living process
-                    self._lock_file.unlink(missing_ok=True)
-                    remove_all(self._file.parent, self.id, self._shown)
-            finally:
-                os.close(self._held)
-                self._held = -1
+            held, self._held = self._held, -1
+            with contextlib.suppress(OSError):  # the next member that looks removes it
+                # first, so that peers that see the entries go find no living process
+                self._lock_file.unlink(missing_ok=True)
+            os.close(held)  # which may be the last descriptor, and folders cannot be read without one
+            with contextlib.suppress(OSError):
+                remove_all(self._file.parent, self.id, self._shown)
 
     def _write(self) -> None:
         self._unwritten = bool(self._gathering)

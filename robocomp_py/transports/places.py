@@ -24,6 +24,9 @@ from .members import member_in
 INDEX = "by"
 """The name of the folder of places."""
 
+OF_MEMBERS = (".json", ".lock")
+"""Suffixes of the files of members. A member that was killed while leaving may have no lock any more."""
+
 _TRIES = 100
 """Maximum attempts to create a place that leaving members remove again."""
 
@@ -98,6 +101,8 @@ def remove_all(folder: Path, member_id: str, places: Iterable[str]) -> None:
     """Remove all files of a member, and its links in these places; with the last member, the index, too."""
     for place in places:
         withdraw_from(os.path.join(folder, INDEX, place), member_id)
+    for suffix in OF_MEMBERS:  # also if no descriptor is left, by which the folder can be listed
+        (folder / f"{member_id}{suffix}").unlink(missing_ok=True)
     others = False
     for name in os.listdir(folder):
         if name.startswith(member_id):

@@ -256,7 +256,11 @@ class Mapped:
 
 def remove_dead(prefix: str) -> None:
     """Remove heaps of processes that were killed, as their locks show."""
-    for path in Path(SHARED_MEMORY).glob(f"{prefix}*{_SUFFIX}"):
+    try:
+        heaps = list(Path(SHARED_MEMORY).glob(f"{prefix}*{_SUFFIX}"))
+    except OSError:  # no descriptor is left: the next node removes them
+        return
+    for path in heaps:
         with contextlib.suppress(OSError):  # it has gone, or is in use or another user's
             file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
             try:

@@ -97,8 +97,11 @@ class Node:
                     self._node: Any = builder.create(iceoryx2.ServiceType.Ipc)
                 for shared in self._common():
                     shared.chmod(0o600)
-            except (TransportError, OSError) as exc:
+            except TransportError as exc:
                 raise TransportError(f"{exc}{self._in_the_way()}") from exc
+            except OSError as exc:
+                reason = f"{exc.strerror}{what_is_short()}{self._in_the_way()}"
+                raise TransportError(f"shm: opening a node: {SHARED_MEMORY}: {reason}") from exc
             self._lock.share()
             undo.pop_all()
 
@@ -142,8 +145,12 @@ class Node:
         return secret
 
     def _in_the_way(self) -> str:
-        """Why another user's file with one of our names is in the way; "" if there is none."""
-        return next(filter(None, map(hindrance, sorted(Path(SHARED_MEMORY).glob(f"{self._prefix}*")))), "")
+        """Why another user's file with one of our names is in the way; "" if there is none, or that cannot be seen."""
+        try:
+            ours = sorted(Path(SHARED_MEMORY).glob(f"{self._prefix}*"))
+        except OSError:  # no descriptor is left, for example, which the caller reports
+            return ""
+        return next(filter(None, map(hindrance, ours)), "")
 
     def _clear(self) -> bool:
         """If no node is alive, remove what has no owner, and what iceoryx2 does not find of killed processes.
@@ -239,9 +246,10 @@ class Node:
 
         An array that is still over a sample keeps its memory: only the name goes.
         """
-        for left in Path(SHARED_MEMORY).glob(f"{self._family}*"):
-            with contextlib.suppress(OSError):  # another time
-                left.unlink()
+        with contextlib.suppress(OSError):  # no descriptor is left, for example: another time
+            for left in Path(SHARED_MEMORY).glob(f"{self._family}*"):
+                with contextlib.suppress(OSError):  # it is another user's
+                    left.unlink()
 
     def _common(self) -> list[Path]:
         """What all nodes share, and none of them owns."""

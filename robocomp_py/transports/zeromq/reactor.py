@@ -13,7 +13,7 @@ from ..memory import keep_memory
 from .bounds import Kind
 from .curve import WATCHED, Secure
 from .guard import Guard
-from .sockets import Feeding, Loop, Socket, Subscription, new_socket
+from .sockets import Feeding, Loop, Socket, Subscription, as_transport_error, new_socket
 
 
 class Reactor:
@@ -21,13 +21,15 @@ class Reactor:
 
     def __init__(self, tick: Callable[[], float], owner: str) -> None:
         """`tick` does what is due, and returns the seconds until the next time. Raises TransportError."""
+        keep_memory()
+        self._owner = owner
+        with as_transport_error("opening a context"):
+            self.context = zmq.Context()
         try:
             self._loop = loop = Loop(tick)
         except OSError as exc:
-            raise TransportError(f"zeromq: cannot be opened: {exc.strerror}") from exc
-        keep_memory()
-        self._owner = owner
-        self.context = zmq.Context()
+            self.context.term()
+            raise TransportError(f"zeromq: opening a pipe: {exc.strerror}") from exc
         self.guard: Guard | None = None
         """Watches the connections of other hosts, if there may be some."""
         self.add, self.receive, self.wake = loop.add, loop.receive, loop.wake
