@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 _BLOCK = re.compile(
-    r"(?:<!-- file: (?P<hidden>\S+) -->\n|^File `(?P<named>\S+)`:\n\n)?```(?P<kind>\w+)\n(?P<text>.*?)```",
+    r"(?:^File `(?P<file>\S+)`:\n\n)?```(?P<kind>\w+)\n(?P<text>.*?)```",
     re.DOTALL | re.MULTILINE,
 )
 _ELLIPSIS = "..."
@@ -52,8 +52,8 @@ def _line(line: str) -> str:
 def steps(page: Path) -> Iterator[File | Command]:
     """What a reader does, in order."""
     for block in _BLOCK.finditer(page.read_text(encoding="utf-8")):
-        if file := block["named"] or block["hidden"]:
-            yield File(file, block["text"])
+        if block["file"]:
+            yield File(block["file"], block["text"])
         elif block["kind"] == "console":
             yield from _commands(block["text"])
 
