@@ -16,7 +16,7 @@ The module must be importable, because other processes open a transport in the s
     sleeper wakes       messages accepted for a reliable subscriber reach it; messages and commands in order, once
     flood               from another process, at full speed: in order, nothing twice, every message accounted for,
                         memory bounded; reliable: every message
-    clock jumps         calls, deadlines and topics are not affected (for the QoS of topics, see `testing.qos`)
+    clock jumps         calls, deadlines and topics are not affected (QoS of topics: `conformance/qos.py`)
     many clients        get equal shares of a server; a flood of one client delays no other
     leftovers           of a killed process are gone after the next process has opened and closed
     two users           may serve and publish the same channel, and do not receive from each other
@@ -36,7 +36,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -50,8 +50,20 @@ from ..errors import Timeout, Unreachable
 from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transport
 from ..transports.runtime_folder import runtime_dir
 from ..wire.codec import Payload
-from .conformance import A_MOMENT, answering, blob, command, query, topic, unblob
-from .parts import TransportSuite, in_time, processes, start_process
+from .parts import (
+    A_MOMENT,
+    TransportSuite,
+    answering,
+    answering_all_but,
+    asker,
+    blob,
+    command,
+    processes,
+    query,
+    start_process,
+    topic,
+    unblob,
+)
 from .patience import SOON, wait_until
 
 LARGE = 6_000_000
@@ -141,7 +153,7 @@ class TransportFaults(TransportSuite):
         wait_until(lambda: handled[b"flood"] > 200, SOON * 3)
         for _ in range(20):
             before = handled[b"flood"]
-            assert _ask(there, caller, "ask", b"call", SOON) == b"call"
+            assert asker(there, caller, "ask")(b"call") == b"call"
             held_up.append(handled[b"flood"] - before)
         assert sorted(held_up)[10] < 50, held_up
 
@@ -155,7 +167,7 @@ class TransportFaults(TransportSuite):
         victim = start(_reply_and_die)
         assert victim.heard() == "serving"
         assert caller.wait_peer(SOON)
-        asking = pool.submit(_ask, there, caller, ask, b"6 MB", SOON / 2)
+        asking = pool.submit(asker(there, caller, ask, SOON / 2), b"6 MB")
         assert victim.heard() == "replying"
         victim.join()
         with contextlib.suppress(Unreachable, Timeout):
@@ -180,7 +192,7 @@ class TransportFaults(TransportSuite):
         acknowledged = [victim.heard() for _ in range(10)]
         victim.kill()
         asked = [b"witness %d" % number for number in range(20)]
-        assert [_ask(there, witness, "ask", each, SOON) for each in asked] == asked
+        assert [asker(there, witness, "ask")(each) for each in asked] == asked
         acknowledged += victim.all_heard()
         assert [number for number in acknowledged if executed[b"%d" % number] != 1] == []
         assert max(executed.values()) == 1
@@ -333,12 +345,12 @@ class TransportFaults(TransportSuite):
             assert other.heard() == "open"
             assert caller.wait_peer(SOON)
             assert outlet.wait_peer(SOON)
-            assert _ask(there, caller, "ask", b"1", SOON) == b"ours: 1"
+            assert asker(there, caller, "ask")(b"1") == b"ours: 1"
             other.tell("end")
             other.join()
         outlet.send(blob(there, b"news"))
         assert heard.get(timeout=SOON) == b"news"
-        assert _ask(there, caller, "ask", b"2", SOON) == b"ours: 2"
+        assert asker(there, caller, "ask")(b"2") == b"ours: 2"
 
     # Floods.
 
@@ -391,7 +403,7 @@ class TransportFaults(TransportSuite):
         self, here: Transport, there: Transport, name: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         heard: queue.Queue[bytes] = queue.Queue()
-        here.server(query(name), _deaf_to(here, b"never"))
+        here.server(query(name), answering_all_but(here, b"never"))
         here.inlet(topic(name + "t"), lambda payload: heard.put(unblob(here, payload)))
         caller, outlet = there.caller(query(name)), there.outlet(topic(name + "t"))
         assert caller.wait_peer(SOON)
@@ -403,10 +415,10 @@ class TransportFaults(TransportSuite):
             monkeypatch.setattr(time, "time", lambda leap=leap: (true_ns() + leap) / 1e9)
             begun = time.monotonic()
             with pytest.raises(Timeout):
-                _ask(there, caller, "call", b"never", A_MOMENT)
+                asker(there, caller, "call", A_MOMENT)(b"never")
             assert time.monotonic() - begun >= A_MOMENT * 0.9
             for how in ("ask", "call"):
-                assert _ask(there, caller, how, b"soon", SOON) == b"soon"
+                assert asker(there, caller, how)(b"soon") == b"soon"
             outlet.send(blob(there, b"%d" % hours))
             assert heard.get(timeout=SOON) == b"%d" % hours
 
@@ -498,7 +510,7 @@ def _ask_again_and_again(transport: Transport, name: str, control: Control) -> N
 
     def ask(numbers: range) -> None:
         for number in numbers:
-            _ask(transport, caller, "ask", b"%d" % number, SOON)
+            asker(transport, caller, "ask")(b"%d" % number)
             with say:
                 control.send(number)
 
@@ -509,10 +521,10 @@ def _ask_again_and_again(transport: Transport, name: str, control: Control) -> N
 def _ask_in_a_loop(transport: Transport, name: str, control: Control) -> None:
     caller, word = transport.caller(query(name)), control.recv()
     assert caller.wait_peer(SOON)
-    assert _ask(transport, caller, "ask", word, SOON) == word
+    assert asker(transport, caller, "ask")(word) == word
     control.send("answered")
     while not control.poll(0):
-        _ask(transport, caller, "ask", word, SOON)
+        asker(transport, caller, "ask")(word)
     control.send("stopped")
 
 
@@ -641,16 +653,9 @@ def _number(transport: Transport, payload: Payload) -> int:
     return int(unblob(transport, payload)[:8])
 
 
-def _ask(transport: Transport, caller: Caller, how: str, data: bytes, deadline: float) -> bytes:
-    payload = blob(transport, data)
-    reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
-    assert in_time(reply).status is Status.OK
-    return unblob(transport, reply.payload)
-
-
 def _answered(transport: Transport, caller: Caller, how: str, data: bytes) -> bytes | None:
     try:
-        return _ask(transport, caller, how, data, SOON)
+        return asker(transport, caller, how)(data)
     except (Unreachable, Timeout):
         return None  # it still uses the killed one
 
@@ -658,16 +663,6 @@ def _answered(transport: Transport, caller: Caller, how: str, data: bytes) -> by
 def _serve(transport: Transport, name: str) -> bool:
     transport.server(query(name), answering(transport, bytes.upper))
     return True
-
-
-def _deaf_to(transport: Transport, word: bytes) -> Callable[[Payload, float], Any]:
-    """A service that answers one word too late, and echoes others."""
-
-    def service(payload: Payload, expires: float) -> Any:
-        data = unblob(transport, payload)
-        return Future() if data == word else Reply(Status.OK, blob(transport, data))
-
-    return service
 
 
 def _everything(transport: Transport, name: str) -> None:

@@ -21,7 +21,7 @@ from ..contract.interface import Pattern
 from ..contract.qos import QoS
 from ..contract.types import INT16, UINT8, Field, Sequence, Struct
 from ..errors import Timeout
-from ..transports.base import Capability, Channel, Outlet, Reply, Status, Transport, TypeRef
+from ..transports.base import Caller, Capability, Channel, Outlet, Reply, Status, Transport, TypeRef
 from ..wire.codec import Payload
 from .patience import SCALE, SOON, wait_until
 
@@ -109,6 +109,33 @@ def in_time(reply: Reply) -> Reply:
     return reply
 
 
+def answering(transport: Transport, answer: Callable[[bytes], bytes]) -> Callable[[Payload, float], Reply]:
+    """A service that applies a function to the bytes of each request."""
+    return lambda payload, expires: Reply(Status.OK, blob(transport, answer(unblob(transport, payload))))
+
+
+def answering_all_but(transport: Transport, unanswered: bytes) -> Callable[[Payload, float], Reply | Future[Reply]]:
+    """A service that echoes requests, but never answers this one."""
+
+    def service(payload: Payload, expires: float) -> Reply | Future[Reply]:
+        data = unblob(transport, payload)
+        return Future() if data == unanswered else Reply(Status.OK, blob(transport, data))
+
+    return service
+
+
+def asker(transport: Transport, caller: Caller, how: str, deadline: float = SOON) -> Callable[[bytes], bytes]:
+    """A function that asks by `ask` or `call`, whichever `how` names, and returns the bytes of the reply."""
+
+    def ask(data: bytes) -> bytes:
+        payload = blob(transport, data)
+        reply = caller.ask(payload, deadline) if how == "ask" else caller.call(payload, deadline).result(SOON * 3)
+        assert in_time(reply).status is Status.OK
+        return unblob(transport, reply.payload)
+
+    return ask
+
+
 def drain(inbox: Inbox) -> list[bytes]:
     return [inbox.get_nowait() for _ in range(inbox.qsize())]
 
@@ -144,7 +171,7 @@ processes = multiprocessing.get_context("forkserver")
 
 def start_process(act: Callable[..., object], *arguments: object) -> Any:
     """Start another process, in the environment of this one."""
-    processes.set_forkserver_preload(["robocomp_py.testing.faults"])
+    processes.set_forkserver_preload(["robocomp_py.testing.conformance", "robocomp_py.testing.faults"])
     process = processes.Process(target=_act, args=(dict(os.environ), act, *arguments))
     process.start()
     return process

@@ -1,6 +1,6 @@
-"""Tests of the QoS of topics that every transport must pass, in addition to those in `conformance`.
+"""QoS of topics: deadlines, lifespans, leases and `keep_all`.
 
-Part of `TransportConformance`. A transport must refuse, by name, a policy that it does not declare.
+A transport must refuse, by name, a policy that it does not declare.
 For a policy that it declares, the tests require:
 
     deadline      a missed one is reported and counted; none is missed while messages come
@@ -22,21 +22,21 @@ from typing import Any
 
 import pytest
 
-from ..contract.component import Port
-from ..contract.interface import Operation, Pattern, Verb
-from ..contract.qos import Durability, History, Liveliness, QoS, Reliability
-from ..errors import Timeout, UnsupportedQoS
-from ..runtime import ports
-from ..runtime.calls import type_of
-from ..runtime.monitor import Monitor
-from ..runtime.route import Route
-from ..runtime.watch import Lost, Missed
-from ..runtime.watching import Watching
-from ..transports.base import Channel, Outlet, Transport, needs, require
-from ..wire.codec import Payload
-from . import everything as e
-from .parts import A_MOMENT, Inbox, TransportSuite, Victim, blob, greet, subscribe, topic, unblob
-from .patience import SCALE, SOON, wait_until
+from ...contract.component import Port
+from ...contract.interface import Operation, Pattern, Verb
+from ...contract.qos import Durability, History, Liveliness, QoS, Reliability
+from ...errors import Timeout, UnsupportedQoS
+from ...runtime import ports
+from ...runtime.calls import type_of
+from ...runtime.monitor import Monitor
+from ...runtime.route import Route
+from ...runtime.watch import Lost, Missed
+from ...runtime.watching import Watching
+from ...transports.base import Channel, Outlet, Transport, needs, require
+from ...wire.codec import Payload
+from .. import everything as e
+from ..parts import A_MOMENT, Inbox, TransportSuite, Victim, blob, greet, subscribe, topic, unblob
+from ..patience import SCALE, SOON, wait_until
 
 _SHORT = 0.1 * SCALE
 _LIFESPAN = 0.15 * SCALE
