@@ -6,6 +6,7 @@
       ComponentError           a component's specific part does not fit its generic part, or failed
       DeploymentError          a network cannot be started, or did not stay up
         HostUnreachable        a host it needs cannot be reached, or cannot run what it should
+      ArgumentError            a call has arguments that its handler cannot use
       CodecError               a value and its type, or bytes and their type, do not match
         EncodeError            ... when sending
         DecodeError            ... when receiving
@@ -47,6 +48,13 @@ class DeploymentError(RobocompError):
 
 class HostUnreachable(DeploymentError):
     """A host cannot be reached, or cannot run what it should; the message says which, why, and what to try."""
+
+
+class ArgumentError(RobocompError, ValueError):
+    """A handler raises this for arguments that it cannot use, if its operation declares no exception for them.
+
+    The caller gets RemoteFailure with the text, and the log of the component has one line without a traceback.
+    """
 
 
 class CodecError(RobocompError):

@@ -13,6 +13,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 from ..contract.interface import Operation, Pattern
 from ..contract.types import LINEAGE, STRING, ExceptionType, Field, Struct, thrown
 from ..errors import (
+    ArgumentError,
     Busy,
     Closed,
     ConfigurationError,
@@ -172,7 +173,8 @@ class Handler:
 
     def log_failure(self, exc: BaseException) -> None:
         """Log an exception of the method. Repeated exceptions from the same lines are logged less and less often."""
-        if not isinstance(exc, ConfigurationError):
+        is_callers = isinstance(exc, (ArgumentError, ConfigurationError))
+        if not is_callers:
             self._note_failure(exc)
         untold = self._repeats.untold(way_of(exc))
         if untold is None:
@@ -180,8 +182,8 @@ class Handler:
         more = times_more(untold)
         if isinstance(exc, SystemExit):
             log.error("%s called sys.exit(): call self.stop() to stop the component%s", self.method.__qualname__, more)
-        elif isinstance(exc, ConfigurationError):
-            log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)  # the mistake is the caller's
+        elif is_callers:
+            log.warning("%s refused: %s%s", self.method.__qualname__, exc, more)
         else:
             kind = type(exc).__name__
             log.error("%s raised %s\n%s%s", self.method.__qualname__, kind, user_trace(exc), more)

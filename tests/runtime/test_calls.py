@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.contract.types import Struct
-from robocomp_py.errors import RemoteFailure
+from robocomp_py.errors import ArgumentError, RemoteFailure
 from robocomp_py.runtime.calls import Call, Handler
 from robocomp_py.testing import everything as e
 from robocomp_py.transports.base import Status
@@ -76,6 +76,20 @@ def test_a_handler_that_fails_at_every_call_is_logged_rarely(caplog: pytest.LogC
         "ZeroDivisionError: integer division or modulo by zero",
         "KeyError: 1",
     ]
+
+
+def test_arguments_that_a_handler_cannot_use_take_one_line_of_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    def method(dividend: int, divisor: int) -> Any:
+        raise ArgumentError(f"{dividend} is no dividend")
+
+    noted: list[str] = []
+    answering = Handler(e.divide, MessagePack(), method, lambda name, _: noted.append(name))
+    with pytest.raises(RemoteFailure, match="ArgumentError: 7 is no dividend") as told:
+        Call(e.divide, MessagePack()).result(answering.answer((7, 1)))
+    assert told.value.kind == "ArgumentError"
+    (line,) = (record.getMessage() for record in caplog.records)
+    assert line.endswith("method refused: 7 is no dividend")
+    assert noted == []
 
 
 def test_an_undeclared_exception_is_reported_with_its_interface_and_operation() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from robocomp_py import connect
 from robocomp_py.cli.rc import main as rc
+from robocomp_py.contract.component import Port
 from robocomp_py.errors import DeclaredError, RemoteFailure
 from robocomp_py.sim.editing import MOST_NOTES
 from robocomp_py.testing.components import ComponentTest, load_component
@@ -179,6 +180,23 @@ def test_a_node_that_is_removed_is_no_longer_provided(house: ComponentTest, capl
     assert list(house.worker.differentialrobot) == ["base"]
 
 
+def test_a_device_that_comes_back_while_it_is_removed_is_provided(folder: Path) -> None:
+    class Interrupted(load_component(folder)):  # type: ignore[misc]
+        """A removal of a laser waits until its calls are answered; meanwhile, another client resets the scene."""
+
+        def _withdraw(self, port: Port, name: str) -> None:
+            super()._withdraw(port, name)
+            if port.interface.short == "Laser":
+                self.Simulation_reset(1)
+
+    with ComponentTest(Interrupted, {"params.scene": str(folder.parent / "room.xml")}, virtual=True) as house:
+        call(house, "removeNode", "mount")
+        tick(house)
+        assert list(house.worker.laser) == list(house.worker.laserpub) == ["front"]
+        assert len(scan(house)) == 2
+    assert house.fine
+
+
 MISTAKES: list[tuple[str, str, tuple[Any, ...], str]] = [
     ("NonExistingNode", "getPose", ("world", "stan"), "did you mean `stand`?"),
     ("NonExistingNode", "moveNode", ("stand", "nowhere"), "unknown node `nowhere`"),
@@ -270,11 +288,14 @@ def test_a_scene_that_can_no_longer_be_simulated_is_left_as_it_was(house: Compon
     assert house.worker.world.digest() == before
 
 
-def test_calls_that_declare_no_error_fail_with_a_text(house: ComponentTest) -> None:
-    with pytest.raises(RemoteFailure, match="unknown node `nothing`"):
+def test_calls_that_declare_no_error_fail_with_a_text(house: ComponentTest, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(RemoteFailure, match="ArgumentError: unknown node `nothing`"):
         call(house, "collide", "nothing", "wall")
-    with pytest.raises(RemoteFailure, match="not a pointcloud"):
+    with pytest.raises(RemoteFailure, match=r"ArgumentError: .*not a pointcloud"):
         call(house, "setPointCloudData", "wall", [])
+    told = [each.getMessage() for each in caplog.records]
+    assert [each.count("\n") for each in told] == [0, 0]
+    assert told[1] == "Managed.InnerModelManager_setPointCloudData refused: `wall` is a plane, not a pointcloud"
 
 
 def test_another_component_edits_the_scene_over_a_middleware(folder: Path) -> None:

@@ -23,10 +23,10 @@ SCENE = """\
 <innerModel>
   <transform id="world">
     <plane id="east" px="2005" nx="1" size="9000,2000,10"/>
-    <differentialrobot id="base" tx="500">
+    <differentialrobot id="base" tx="500" port="10004">
       <translation id="mount" ty="300"><laser id="front" measures="2" angle="3.1415926535" max="5000"/></translation>
     </differentialrobot>
-    <omnirobot id="chair" tx="-2000"/>
+    <omnirobot id="chair" tx="-2000"><laser id="aside" measures="1" max="5000" ifconfig="10004"/></omnirobot>
     <translation id="pole" ty="300"><laser id="still" measures="1" angle="0" min="10" max="5000"/></translation>
     <laser id="off"/>
   </transform>
@@ -64,7 +64,7 @@ def call(house: ComponentTest, name: str, interface: str, operation: str, *argum
 
 def test_every_device_is_an_instance(house: ComponentTest) -> None:
     worker = house.worker
-    assert list(worker.laser) == list(worker.laserpub) == ["front", "still"]
+    assert list(worker.laser) == list(worker.laserpub) == ["front", "aside", "still"]
     assert list(worker.differentialrobot) == ["base", "chair"]
     assert list(worker.omnirobot) == ["chair"]
 
@@ -76,8 +76,18 @@ def test_a_laser_is_asked(house: ComponentTest) -> None:
     scan, state = call(house, "front", "Laser", "getLaserAndBStateData")  # type: ignore[misc]
     assert (len(scan), state.x) == (2, 500)
     assert call(house, "still", "Laser", "getLaserAndBStateData")[1].x == 0  # type: ignore[index]
+    assert call(house, "aside", "Laser", "getLaserAndBStateData")[1].x == 500  # type: ignore[index]
     said = call(house, "front", "Laser", "getLaserConfData")
     assert (said.maxMeasures, said.maxDegrees, said.maxRange) == (2, 180, 5000)  # type: ignore[attr-defined]
+
+
+def test_a_laser_tells_the_state_of_the_base_that_carries_it_now(house: ComponentTest) -> None:
+    house.call("InnerModelManager.moveNode", "mount", "chair")
+    house.call("Simulation.step", 1)
+    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == -2000  # type: ignore[index]
+    house.call("InnerModelManager.moveNode", "mount", "world")
+    house.call("Simulation.step", 1)
+    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == 0  # type: ignore[index]
 
 
 def test_a_base_is_driven(house: ComponentTest) -> None:
@@ -213,14 +223,13 @@ def test_offers_are_printed(scene: Path, capsys: pytest.CaptureFixture[str]) -> 
             "FullPoseEstimation",
             "FullPoseEstimationPub",
         ],
+        "aside": ["Laser", "LaserPub"],
         "still": ["Laser", "LaserPub"],
     }
 
 
-WITH_PORTS = (
-    SCENE.replace('id="front"', 'id="front" port="10003"')
-    .replace('id="base"', 'id="base" port="10004"')
-    .replace('<laser id="off"/>', '<joint id="pan" port="10067"/><joint id="tilt" port="10067"/>')
+WITH_PORTS = SCENE.replace('id="front"', 'id="front" port="10003"').replace(
+    '<laser id="off"/>', '<joint id="pan" port="10067"/><joint id="tilt" port="10067"/>'
 )
 
 

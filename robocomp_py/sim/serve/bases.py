@@ -6,6 +6,7 @@ import logging
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ...contract.interface import Interface
+from ...errors import ArgumentError
 from ...runtime.instances import InstanceHandler
 from ..bases import Pose
 from .values import filled, operation
@@ -105,7 +106,7 @@ class BaseHandler(InstanceHandler):
         for each in self._failed:
             if each.python is not None:
                 raise each.python(str(error)) from error
-        raise error
+        raise ArgumentError(str(error)) from error
 
 
 class DifferentialRobotHandler(BaseHandler):

@@ -32,6 +32,7 @@ from ..remote import DrawingLost
 from ..render import Renderer, View
 from .bases import state
 from .motors import states
+from .offers import carried_by
 from .studio import Part, Shot, Studio
 from .values import declared, filled, operation, records
 
@@ -56,14 +57,15 @@ class Camera:
     """The clock of the component, ns."""
     period: Callable[[], float]
     """Between two publications, s."""
-    base: str
-    """The base whose state comes with a picture; "" for none."""
-    motors: tuple[str, ...]
-    """The joints whose states come with a picture."""
 
     def shot(self, parts: Part) -> Shot:
         """What it sees now. Handlers may run meanwhile."""
         return self.studio.shot(self.world.view(), self.node.id, self.time, parts)
+
+    @property
+    def carriers(self) -> tuple[str, list[str]]:
+        """The base and the joints whose states come with a picture; "" for no base."""
+        return carried_by(self.world.tree, self.node.id)
 
     @property
     def time(self) -> int:
@@ -184,7 +186,7 @@ class RGBDHandler(_CameraHandler):
         (kind,) = self._kinds("getRGBDParams")
         assert isinstance(kind, Struct)
         height, width = self._camera.size
-        period = self._camera.period()
+        period, (base, joints) = self._camera.period(), self._camera.carriers
         lens = {
             "focal": round(self._camera.world.lens(self._camera.node.id).focal),
             "width": width,
@@ -198,8 +200,8 @@ class RGBDHandler(_CameraHandler):
             values
             | {
                 "timerPeriod": round(period * 1000),
-                "talkToBase": bool(self._camera.base),
-                "talkToJointMotor": bool(self._camera.motors),
+                "talkToBase": bool(base),
+                "talkToJointMotor": bool(joints),
                 "driver": "simulated",
                 "device": self._camera.node.id,
             },
@@ -268,10 +270,11 @@ class RGBDHandler(_CameraHandler):
 
     def _carried(self, name: str, kind: Type) -> Any:
         """The states of what carries the camera."""
+        base, joints = self._camera.carriers
         if name == "hState":
-            return states(self._camera.world, self._camera.motors, kind)
+            return states(self._camera.world, joints, kind)
         if name == "bState":
-            return filled(kind, state(self._camera.world, self._camera.base) if self._camera.base else {})
+            return filled(kind, state(self._camera.world, base) if base else {})
         return None
 
 

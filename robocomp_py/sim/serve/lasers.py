@@ -10,12 +10,14 @@ import numpy as np
 
 from ...contract.interface import Interface
 from ...contract.types import Struct, Type
+from ...errors import ArgumentError
 from ...innermodel import axes
 from ...innermodel.axes import Array
 from ...innermodel.read import number_of
 from ...innermodel.tree import Node
 from ...runtime.instances import InstanceHandler
 from .bases import state
+from .offers import carried_by
 from .values import filled, operation, records, rows
 
 if TYPE_CHECKING:
@@ -34,9 +36,8 @@ def scanned(world: World, laser: str) -> dict[str, Array]:
 
 
 class LaserHandler(InstanceHandler):
-    def __init__(self, world: World, laser: Node, base: str, interface: Interface) -> None:
-        """`base` is the base that carries the laser; "" if none does."""
-        self._world, self._laser, self._base = world, laser, base
+    def __init__(self, world: World, laser: Node, interface: Interface) -> None:
+        self._world, self._laser = world, laser
         self._scan = operation(interface, "getLaserData").outputs[0].type
         self._configuration = operation(interface, "getLaserConfData").outputs[0].type
         self._state = operation(interface, "getLaserAndBStateData").outputs[1].type
@@ -50,8 +51,9 @@ class LaserHandler(InstanceHandler):
         return records(self._scan, scanned(self._world, self._laser.id))
 
     def getLaserAndBStateData(self) -> tuple[Any, Any]:
-        """The scan, and the state of the base that carries the laser; zeros if none does."""
-        values = state(self._world, self._base) if self._base else {}
+        """The scan, and the state of the base at its `ifconfig` or that carries it; zeros if there is none."""
+        base, _ = carried_by(self._world.tree, self._laser.id)
+        values = state(self._world, base) if base else {}
         return self.getLaserData(), filled(self._state, values)
 
     def getLaserConfData(self) -> Any:
@@ -110,20 +112,20 @@ class Lidar3DHandler(InstanceHandler):
     # Other calls of RoboComp's newer versions, for components whose IDSL has them.
 
     def getLidarDataProyectedInImage(self, name: str) -> Any:
-        """Raises ValueError: there is no such picture."""
-        raise ValueError("a scene has no picture of all directions, on which points could be projected")
+        """Raises ArgumentError: there is no such picture."""
+        raise ArgumentError("a scene has no picture of all directions, on which points could be projected")
 
     def getLidarDataArrayProyectedInImage(self, name: str) -> Any:
-        """Raises ValueError: there is no such picture."""
+        """Raises ArgumentError: there is no such picture."""
         self.getLidarDataProyectedInImage(name)
 
     def getColorCloudData(self) -> Any:
-        """Raises ValueError: there is no such picture."""
+        """Raises ArgumentError: there is no such picture."""
         self.getLidarDataProyectedInImage("")
 
     def getLidarDataByCategory(self, categories: Any, timestamp: int) -> Any:
-        """Raises ValueError: the simulator does not classify points."""
-        raise ValueError("nothing classifies the points of a simulated lidar")
+        """Raises ArgumentError: the simulator does not classify points."""
+        raise ArgumentError("nothing classifies the points of a simulated lidar")
 
     def _points(self) -> dict[str, Array]:
         """The fields of all points of now; lengths in m."""

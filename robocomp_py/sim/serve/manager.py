@@ -10,6 +10,7 @@ import numpy as np
 
 from ...contract.interface import Interface
 from ...contract.types import Dictionary, Enumeration, ExceptionType, Sequence, Struct, Type
+from ...errors import ArgumentError
 from ...runtime.worker import Worker
 from .values import filled, operation
 
@@ -39,7 +40,8 @@ _POSE = ("x", "y", "z", "rx", "ry", "rz")
 class Managed(Worker[Any]):
     """The handlers of InnerModelManager, for a component that implements it. Lengths are in mm, angles in rad.
 
-    They raise the exception that the interface declares, with the code of what is wrong.
+    They raise the exception that the interface declares, with the code of what is wrong; ArgumentError where it
+    declares none.
     """
 
     _editing: Editing
@@ -196,7 +198,7 @@ class Managed(Worker[Any]):
             if each.name.endswith("::InnerModelManagerError") and each.python is not None:
                 made: Exception = each.python(_named(_field(each, "err"), code), text)
                 return made
-        return ValueError(text)
+        return ArgumentError(text)
 
     def _manager(self) -> Interface:
         return next(port.interface for port in self.component.ports if port.interface.short == "InnerModelManager")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 from ...innermodel.read import InnerModelError, number_of
 from ...innermodel.tree import Tree
@@ -101,20 +101,21 @@ def left_out(tree: Tree) -> dict[str, list[str]]:
     return found
 
 
-def carried_by(tree: Tree, camera: str) -> tuple[str, list[str]]:
-    """The base and the joints whose states come with the pictures of an rgbd.
+def carried_by(tree: Tree, device: str) -> tuple[str, list[str]]:
+    """The base and the joints whose states come with what an rgbd or a laser sees; "" for no base.
 
-    They are those that serve its `ifconfig`, which is "port of joints,port of base"; else, the base is that which
-    carries it.
+    They are those that serve its `ifconfig`, which is "port of joints,port of base" of an rgbd, and "port of base" of a
+    laser; else, the base is that which carries it.
     """
-    node = tree.node(camera)
-    joints_port, _, base_port = str(node.values.get("ifconfig", "")).partition(",")
+    node = tree.node(device)
+    told = str(node.values.get("ifconfig", ""))
+    joints_port, _, base_port = f",{told}".partition(",") if node.tag == "laser" else told.partition(",")
     joints = motors(tree).get(f"joints{joints_port.strip()}", []) if joints_port.strip() else []
     bases = [name for name in tree.ids if tree.node(name).tag in BASES]
     for name in bases:
         if base_port.strip() and str(tree.node(name).values["port"]) == base_port.strip():
             return name, joints
-    above = camera
+    above = device
     while above and above not in bases:
         above = tree.node(above).parent
     return above, joints
@@ -125,6 +126,6 @@ def used(found: dict[str, tuple[str, ...]]) -> list[str]:
     return list(dict.fromkeys(each for interfaces in found.values() for each in interfaces))
 
 
-def names_of(interface: str, found: dict[str, tuple[str, ...]]) -> Iterable[str]:
+def names_of(interface: str, found: Mapping[str, tuple[str, ...]]) -> Iterable[str]:
     """The devices that have an interface."""
     return (name for name, interfaces in found.items() if interface in interfaces)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...contract.interface import Interface
 from ...contract.types import Dictionary, Struct, Type
+from ...errors import ArgumentError
 from ...runtime.instances import InstanceHandler
 from .values import filled, operation
 
@@ -98,8 +99,8 @@ class TouchSensorHandler(_SensorHandler):
 
 class FullPoseEstimationHandler(_SensorHandler):
     def setInitialPose(self, x: float, y: float, z: float, rx: float, ry: float, rz: float) -> None:
-        """Raises ValueError: the pose is the true one."""
-        raise ValueError("this pose is the true one, and no estimate that begins anywhere; setPose moves a base")
+        """Raises ArgumentError: the pose is the true one."""
+        raise ArgumentError("this pose is the true one, and no estimate that begins anywhere; setPose moves a base")
 
     def getFullPoseEuler(self) -> Any:
         """Where it is and how it moves: m, rad, m/s and rad/s."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -30,7 +30,7 @@ from .control import Controlled, Progress
 from .lasers import LaserHandler, Lidar3DHandler, classified, scanned
 from .manager import Managed
 from .motors import JointMotorHandler, states
-from .offers import carried_by, motors, names_of, offers
+from .offers import motors, names_of, offers
 from .pace import Pace
 from .sensors import FullPoseEstimationHandler, IMUHandler, TouchSensorHandler, measured, posed
 from .values import filled, operation, records
@@ -84,6 +84,7 @@ class Simulator(Controlled, Managed):
     remote: Remote | None = None
     """The process that draws, with `render = "process"`, which its owner closes. None: the component has its own."""
     _studio: Studio | None = None
+    _is_providing = False
     _logged: frozenset[str] = frozenset()
     """What only the scene has or only the network declares, which has been logged."""
 
@@ -127,18 +128,21 @@ class Simulator(Controlled, Managed):
                 self._publications[port.name, _SCENE] = partial(_if_heard, proxy, partial(_tell, progress, proxy))
 
     def _provide(self) -> None:
-        """Add what the scene has and the network declares, and remove what the scene has no longer."""
+        """Remove what the scene has no longer, and add what it has and the network declares.
+
+        A removal lets handlers run. If one of them edits the scene, this returns, and has to be called again.
+        """
         self._tree = self.world.tree
         self._motors, found = motors(self._tree), offers(self._tree, self.world.lidars)
         undeclared: list[str] = []
-        removed: list[str] = []
         absent: list[tuple[str, str, list[str]]] = []
+        removed = self._remove_all_but(found)
+        if removed:
+            log.info("an edit has removed %s", ", ".join(removed))
+        if self.world.tree is not self._tree:
+            return
         for port in self.component.named:
             instances, names = getattr(self, port.attribute), list(names_of(port.interface.short, found))
-            for name in sorted(set(instances) - set(names)):
-                self._withdraw(port, name)
-                instances.remove(name)
-                removed.append(f"{name}/{port.interface.short}")
             for name in names:
                 if name in instances:
                     continue
@@ -154,12 +158,21 @@ class Simulator(Controlled, Managed):
                     handler.joints = {each: self._tree.node(each) for each in self._motors[name]}
         if fresh := [each for each in undeclared if each not in self._logged]:
             log.info("the network does not declare %s; `rc sim offers` prints the lines", ", ".join(fresh))
-        if removed:
-            log.info("an edit has removed %s", ", ".join(removed))
         for short, name, names in absent:
             if f"{name}/{short}" not in self._logged and f"{name}/{short}" not in removed:
                 log.warning("the network declares `offers %s : %s`: %s", name, short, unknown(short, name, names))
         self._logged = frozenset((*undeclared, *(f"{name}/{short}" for short, name, _ in absent)))
+
+    def _remove_all_but(self, found: Mapping[str, tuple[str, ...]]) -> list[str]:
+        """Remove the devices that `offers` no longer finds; returns their names."""
+        removed = []
+        for port in self.component.named:
+            instances = getattr(self, port.attribute)
+            for name in sorted(set(instances) - set(names_of(port.interface.short, found))):
+                self._withdraw(port, name)
+                instances.remove(name)
+                removed.append(f"{name}/{port.interface.short}")
+        return removed
 
     def _publish(self, port: Port, name: str, proxy: Any) -> None:
         """Publish what an instance tells in each `compute`."""
@@ -188,8 +201,14 @@ class Simulator(Controlled, Managed):
             self._editing.settle()
         except EditError as exc:
             log.error("edits of the scene are dropped: %s", exc)
-        if self.world.tree is not self._tree:
-            self._provide()
+        if self._is_providing:  # a removal waits: handlers run meanwhile, and may edit the scene again
+            return
+        self._is_providing = True
+        try:
+            while self.world.tree is not self._tree:
+                self._provide()
+        finally:
+            self._is_providing = False
 
     def finish(self) -> None:
         """Wait for the picture that is being drawn."""
@@ -223,7 +242,7 @@ class Simulator(Controlled, Managed):
     def _handler(self, interface: Interface, name: str) -> InstanceHandler:
         match interface.short:
             case "Laser":
-                return LaserHandler(self.world, self._tree.node(name), self._carrier(name), interface)
+                return LaserHandler(self.world, self._tree.node(name), interface)
             case "Lidar3D":
                 return Lidar3DHandler(self.world, name, self.now, lambda: self.period, interface)
             case "DifferentialRobot":
@@ -277,17 +296,10 @@ class Simulator(Controlled, Managed):
         proxy.pushLidarData(classified(self.world.cloud(name), kind, period=self.period, time=time))
 
     def _camera(self, name: str) -> Camera:
-        base, joints = carried_by(self._tree, name)
         number = self.world.cameras.index(name)
         node = self._tree.node(name)
         assert self._studio
-        return Camera(self.world, self._studio, node, number, self.now, lambda: self.period, base, tuple(joints))
-
-    def _carrier(self, name: str) -> str:
-        """The base that carries a node; "" if none does."""
-        while name and name not in self.world.bases:
-            name = self._tree.node(name).parent
-        return name
+        return Camera(self.world, self._studio, node, number, self.now, lambda: self.period)
 
 
 def _if_heard(proxy: Any, publish: Callable[[], None]) -> None:

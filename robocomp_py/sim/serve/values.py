@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...contract.interface import Interface, Operation
 from ...contract.types import Sequence, Struct, Type
+from ...errors import ArgumentError
 
 
 def operation(interface: Interface, name: str) -> Operation[Any]:
@@ -17,12 +18,12 @@ def operation(interface: Interface, name: str) -> Operation[Any]:
 
 
 def declared(interface: Interface, name: str, exception: str, text: str) -> Exception:
-    """The exception of an operation that is called `exception` and holds a text; ValueError if it declares none."""
+    """The exception of an operation that is called `exception` and holds a text; ArgumentError if it declares none."""
     for each in operation(interface, name).raises:
         if each.python is not None and each.name.rpartition("::")[2] == exception:
             made: Exception = each.python(text)
             return made
-    return ValueError(text)
+    return ArgumentError(text)
 
 
 def filled(kind: Type, values: Mapping[str, Any]) -> Any:
