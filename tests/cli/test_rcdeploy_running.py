@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -36,6 +37,17 @@ def is_gone(name: str) -> bool:
     return Place(name).runner() is None
 
 
+@contextlib.contextmanager
+def down_at_the_end(name: str) -> Iterator[None]:
+    """A network that has a session of its own is ended whatever happens to the test that started it."""
+    try:
+        yield
+    finally:
+        if not is_gone(name):
+            run("down", name, "--now")
+            wait_until(lambda: is_gone(name))
+
+
 class Running:
     def __init__(self, path: Path, started: subprocess.CompletedProcess[str]) -> None:
         self.path, self.started = str(path), started
@@ -48,10 +60,8 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """A network that was left running: one that prints, and one that is quiet."""
     prints = "echo one; echo two; trap 'echo bye; exit 0' TERM; while true; do sleep 0.05; done"
     path = network_of(tmp_path_factory.mktemp("house"), "house", prints=prints, quiet="exec sleep 600")
-    made = Running(path, run("up", path, "--detach"))
-    yield made
-    run("down", "house", "--now")
-    wait_until(lambda: is_gone("house"))
+    with down_at_the_end("house"):
+        yield Running(path, run("up", path, "--detach"))
 
 
 def test_it_returns_when_everything_is_ready_and_says_how_to_go_on(house: Running) -> None:
@@ -205,8 +215,8 @@ def test_a_stopped_instance_stays_so_whatever_its_restart_says_until_it_is_start
 ) -> None:
     path = network_of(tmp_path, "parted", first="exec sleep 600", other="exec sleep 600")
     path.write_text(path.read_text().replace("first {", "first { restart always(delay 0);"))
-    assert run("up", path, "--detach").returncode == 0
-    try:
+    with down_at_the_end("parted"):
+        assert run("up", path, "--detach").returncode == 0
         assert rcdeploy(["stop", "parted", "first"]) == 0
         assert capsys.readouterr().out.splitlines()[-1] == (
             "first is stopped; to start it again: rcdeploy start parted first"
@@ -224,9 +234,6 @@ def test_a_stopped_instance_stays_so_whatever_its_restart_says_until_it_is_start
         said = capsys.readouterr().out.splitlines()
         assert (said[0], said[-1]) == ("other runs already", "first is ready")
         assert [each["state"] for each in processes("parted", capsys).values()] == ["ready", "ready"]
-    finally:
-        run("down", "parted", "--now")
-        wait_until(lambda: is_gone("parted"))
 
 
 @pytest.mark.parametrize("command", ["stop", "start"])
@@ -240,9 +247,11 @@ def test_following_logs_shows_output_until_the_end_and_down_waits_for_it(tmp_pat
     path = network_of(
         tmp_path, "brief", prints="trap 'echo bye; exit 0' TERM; echo one; while true; do sleep 0.05; done"
     )
-    assert run("up", "--detach", path).returncode == 0
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "-f", str(path)]
-    with killed_on_failure(command, stdout=subprocess.PIPE, text=True) as following:
+    with contextlib.ExitStack() as ends:
+        ends.enter_context(down_at_the_end("brief"))
+        assert run("up", "--detach", path).returncode == 0
+        following = ends.enter_context(killed_on_failure(command, stdout=subprocess.PIPE, text=True))
         assert following.stdout is not None
         heard = [following.stdout.readline()]
         while "prints | one" not in heard[-1]:
@@ -291,7 +300,8 @@ def test_a_network_that_is_stopped_before_it_is_up_does_not_count_as_running(tmp
     (tmp_path / "broken.sh").write_text("#!/no/such/interpreter\n")
     path.write_text(path.read_text().replace("early {", "early { restart always(delay 600, max_delay 600);"))
     command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "up", "--detach", str(path)]
-    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as starting:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with down_at_the_end("early"), killed_on_failure(command, **pipes) as starting:
         assert starting.stdout is not None
         while "started again in" not in starting.stdout.readline():
             assert starting.poll() is None
