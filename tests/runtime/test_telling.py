@@ -159,7 +159,8 @@ def test_a_call_that_is_too_late_is_told_as_one(access: Access) -> None:
             found.close()
         stuck.released.set()
     assert (call["status"], call["response"]) == ("timeout", "")
-    assert "0.05" in call["error"]
+    late = "the deadline passed before the server could execute the call"  # on a machine that is busy with other things
+    assert call["error"].endswith(("no answer in 0.05 s", late))
 
 
 def test_topics_exist_only_while_there_is_a_lease(access: Access) -> None:

@@ -206,7 +206,7 @@ class Asking(Worker[None]):
         self.outcomes: list[str] = []
 
     def compute(self) -> None:
-        self.note(lambda: self.everything_proxy.work("task", deadline=0.5))
+        self.note(lambda: self.everything_proxy.work("task", deadline=SOON))
 
     def note(self, call: Callable[[], object]) -> None:
         try:
@@ -238,8 +238,15 @@ def test_other_exceptions_of_a_fake_reach_the_component_as_they_would_from_elsew
 
 
 def test_a_fake_can_answer_late_and_too_late() -> None:
+    class Hasty(Asking):
+        """Waits long for an answer, except for the sixth one."""
+
+        def compute(self) -> None:
+            deadline = 0.5 if len(self.outcomes) == 5 else SOON
+            self.note(lambda: self.everything_proxy.work("task", deadline=deadline))
+
     fake = in_turn("prompt", "prompt", "prompt", "prompt", late(0.01, "later"), late(SOON, "never"), "done")
-    with ComponentTest(Asking, everything={"work": fake}) as component:
+    with ComponentTest(Hasty, everything={"work": fake}) as component:
         component.wait_for(lambda: "done" in component.worker.outcomes)
     assert component.worker.outcomes[:6] == ["prompt"] * 4 + ["later", "Timeout"]
 

@@ -149,7 +149,11 @@ def test_new_records_follow_the_past_each_once(network: Running, capsys: pytest.
 
 
 def test_following_ends_with_the_network(network: Running, capsys: pytest.CaptureFixture[str]) -> None:
-    ending = threading.Timer(0.5, network.close)
+    def end() -> None:
+        wait_until(lambda: network.ring._sinks, what="it is followed")
+        network.close()
+
+    ending = threading.Thread(target=end)
     ending.start()
     assert texts(capsys, "--follow", "laser") == []
     ending.join()
