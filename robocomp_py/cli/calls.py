@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ..tools.shortening import shortened
-from .common import UNREACHABLE
+from .common import UNREACHABLE, raise_if_unread
 from .hosts import code_of
 from .live import Absent, Wrong, awaited, nothing_heard, say, spelled, tell_host
 
@@ -50,6 +50,7 @@ def echo_calls(options: argparse.Namespace, hosts: Hosts) -> int:
             say("rc echo", each)
         span, opened = Span(options.timeout, options.seconds), stack.enter_context(tap(told.topics))
         while span.goes_on():
+            raise_if_unread()
             heard = opened.take(_LOOK)
             while opened.lost:
                 ended = UNREACHABLE

@@ -7,9 +7,11 @@ import errno
 import io
 import json
 import os
+import select
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
@@ -86,6 +88,9 @@ def _prepare_output() -> None:
         sys.stdout.reconfigure(errors="replace")
 
 
+_LONGEST = 1e6
+"""Seconds of one sleep; the system takes no more than 24 days."""
+
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of printing. Commands handle errors of their own files, with more details."""
 
@@ -118,6 +123,28 @@ def raise_if_signalled() -> None:
             raise KeyboardInterrupt
         case number:
             raise _Ended(128 + number)
+
+
+def raise_if_unread() -> None:
+    """Raise BrokenPipeError if the program that read the output, such as `head`, has ended.
+
+    A command that goes on calls this again and again. Otherwise it would end only once it has something to print.
+    """
+    sleep_while_read(0.0)
+
+
+def sleep_while_read(seconds: float) -> None:
+    """Sleep. Raises BrokenPipeError as soon as the program that reads the output has ended."""
+    try:
+        output = sys.stdout.fileno()
+    except OSError:  # it is no file but text in memory
+        time.sleep(seconds)
+        return
+    watched = select.poll()
+    watched.register(output, 0)  # errors are told in any case
+    found = watched.poll(min(seconds, _LONGEST) * 1000)
+    if any(state & (select.POLLERR | select.POLLHUP) for _, state in found):
+        raise BrokenPipeError
 
 
 @contextmanager

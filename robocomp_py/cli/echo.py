@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..printable import one_line
 from ..tools.shortening import shortened
-from .common import UNREACHABLE, USAGE
+from .common import UNREACHABLE, USAGE, raise_if_unread
 from .hosts import HERE, add_hosts, code_of, hosts_of
 from .live import (
     EXIT_STATUS,
@@ -110,7 +110,8 @@ def run(options: argparse.Namespace) -> int:
         heard, fitting, printed = 0, Counter[str](), 0
         full = options.full or options.csv or options.json or bool(options.field or options.where)
         ended = code_of(hosts)
-        for each in tapped(topics, first=options.timeout, whole=options.seconds, full=full, seek=seek):
+        waits = {"first": options.timeout, "whole": options.seconds}
+        for each in tapped(topics, **waits, full=full, seek=seek, meanwhile=raise_if_unread):
             if isinstance(each, Found):
                 views |= _views(each.topics, options)
                 tell_found(options, each)

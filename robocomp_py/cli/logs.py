@@ -17,7 +17,7 @@ from datetime import date
 from functools import partial
 from typing import TYPE_CHECKING, Self
 
-from .common import FINE, raise_if_signalled
+from .common import FINE, raise_if_signalled, raise_if_unread
 from .completing import What, completed
 from .live import (
     EXIT_STATUS,
@@ -212,6 +212,7 @@ def _follow(
                 elif accepts(line.at, line.level, line.message) and (entry := launched.entry(line)):
                     show(entry)
             raise_if_signalled()
+            raise_if_unread()
     return FINE
 
 

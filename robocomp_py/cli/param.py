@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE, print_table
+from .common import FINE, print_table, sleep_while_read
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
 from .live import (
@@ -247,7 +247,7 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
             try:
                 settings = at.settings(component)
             except Unreachable:  # it ends, or is started again: the next look tells
-                time.sleep(_LOOK)
+                sleep_while_read(_LOOK)
                 continue
             revision = told.revision
             for each in settings:
@@ -258,7 +258,7 @@ def _watch(at: _At, options: argparse.Namespace) -> int:
                     printed += 1
                     if printed == options.most:
                         return FINE
-        time.sleep(_LOOK)
+        sleep_while_read(_LOOK)
     return FINE
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence, Set
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE, WRONG
+from .common import FINE, WRONG, sleep_while_read
 from .completing import What, completed
 from .hosts import HERE, add_hosts, code_of, hosts_of
 from .live import COMPONENT, EXIT_STATUS, Absent, add_json, add_middleware, components_named, positive, reported
@@ -96,7 +96,7 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
             return
-        time.sleep(max(0.0, begun + number * options.every - time.monotonic()))
+        sleep_while_read(max(0.0, begun + number * options.every - time.monotonic()))
 
 
 def mark_unheard(load: Load, heard: Set[str]) -> Load:

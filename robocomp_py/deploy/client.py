@@ -123,6 +123,8 @@ class Connection(Closing):
         self._socket = _connect(Place(network))
         self._rest = b""
         self._is_ended = False
+        self.meanwhile: Callable[[], object] = lambda: None
+        """Called every 0.5 s while an answer is awaited, however long that takes."""
 
     def close(self) -> None:
         self._socket.close()
@@ -222,6 +224,7 @@ class Connection(Closing):
                 chunk = self._socket.recv(1 << 16)
             except TimeoutError as exc:
                 if end is None:
+                    self.meanwhile()
                     continue
                 raise Stuck(self._stuck()) from exc
             except ConnectionError:

@@ -153,12 +153,14 @@ def tapped(
     whole: float | None,
     full: bool = True,
     seek: Seek | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Generator[Message | Presence | Lost | Back | Found, None, None]:
     """The messages of these topics, for `whole` seconds or for ever. Ends if none comes in the `first` seconds.
 
     A topic may be given several times, once for each way of `Channel.each_way`. Whether topics are published is only
-    checked while no message comes. Unless `full`, messages from other hosts may be shortened. Raises the error of a
-    subscription when no subscription is left.
+    checked while no message comes. Unless `full`, messages from other hosts may be shortened. `meanwhile` is called
+    after each message, and every 0.1 s while none comes. Raises what it raises, and the error of a subscription when
+    no subscription is left.
     """
     inbox, span = Inbox(DEPTH * len(topics)), Span(first, whole)
     published: dict[tuple[str, str], bool] = {}
@@ -173,6 +175,7 @@ def tapped(
     with _listening(subscriptions):
         subscriptions.prepare()
         while span.goes_on():
+            meanwhile()
             yield from subscriptions.finds()
             for lost in subscriptions.losses():
                 for key in [each for each in published if each[1] == lost.host]:

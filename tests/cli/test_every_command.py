@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 from robocomp_py.cli import rc
 from robocomp_py.cli.bag import NAME as BAG
-from robocomp_py.testing.patience import wait_until
+from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
@@ -196,3 +197,28 @@ def test_a_command_that_goes_on_ends_by_a_signal(
         process.stdout.read()
         assert process.stderr.read() == ""
     assert process.returncode == code
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("echo", "news", "--where", "text=nothing"),
+        ("echo", "divide", "--calls", "--served", "--timeout", "3600"),
+        ("logs", "--follow"),
+        ("param", "watch", "talker"),
+        ("top", "--every", "3600"),
+    ],
+    ids=" ".join,
+)
+def test_a_command_that_goes_on_ends_with_the_program_that_reads_its_output(
+    talker: object, arguments: tuple[str, ...]
+) -> None:
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "robocomp_py.cli.rc", *arguments, "--middleware", "shm"]
+    with killed_on_failure(command, stdout=writing, stderr=subprocess.PIPE, text=True) as process:
+        os.close(writing)
+        if arguments[0] == "top":
+            os.read(reading, 1)
+        os.close(reading)
+        _, said = process.communicate(timeout=3 * SOON)
+    assert (process.returncode, said) == (1, "")

@@ -200,6 +200,21 @@ def test_following_logs_ends_by_an_interrupt_just_before_waiting_for_a_line(hous
     assert following.returncode == 130
 
 
+@pytest.mark.parametrize("name", ["rcdeploy", AGENT])
+def test_following_logs_ends_with_the_program_that_reads_them(house: Running, name: str) -> None:
+    logs = Logs(Place("house").logs)
+    logs.write(Line(time.time(), AGENT, "INFO: begins"))
+    logs.close()
+    command = [sys.executable, "-m", "robocomp_py.cli.rcdeploy", "logs", "house", name, "-f", "-n", "1"]
+    with killed_on_failure(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as following:
+        assert following.stdout
+        following.stdout.readline()
+        following.stdout.close()
+        assert following.wait(3 * SOON) == 1
+        assert following.stderr
+        assert following.stderr.read() == b""
+
+
 def test_an_unknown_process_cannot_be_restarted(house: Running, capsys: Said) -> None:
     assert rcdeploy(["restart", house.path, "quit"]) == 1
     assert capsys.readouterr().err == "rcdeploy: unknown instance `quit`; did you mean `quiet`?\n"

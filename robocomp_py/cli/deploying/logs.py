@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from ..common import FINE, USAGE, complain, raise_if_signalled
+from ..common import FINE, USAGE, complain, raise_if_signalled, raise_if_unread, sleep_while_read
 from ..completing import What, completed
 from ..logged import add_filters, wanted
 from .connected import add_network, connected, show
@@ -68,6 +68,7 @@ def _lines(connection: Connection, names: Sequence[str], options: argparse.Names
     from ...deploy.client import chosen_lines, lines
 
     count, follow = options.lines, options.follow
+    connection.meanwhile = raise_if_unread
     if wanted(options).everything:
         return lines(connection, names, count, follow=follow)
     return chosen_lines(connection, names, count, _is_wanted(options), follow=follow)
@@ -90,7 +91,7 @@ def _print_agent(connection: Connection, options: argparse.Namespace) -> int:
     if options.follow:
 
         def goes_on() -> bool:
-            time.sleep(_LOOK_S)
+            sleep_while_read(_LOOK_S)
             raise_if_signalled()
             return place.runner() is not None
 
