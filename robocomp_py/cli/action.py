@@ -22,12 +22,11 @@ from .live import (
     add_waiting,
     add_yes,
     allowed,
-    arguments_of,
     awaited,
     check_one_host,
     positive,
     reported,
-    say,
+    request_of,
     spelled,
 )
 
@@ -172,20 +171,13 @@ def _send(options: argparse.Namespace, hosts: Hosts) -> int:
     from ..tools import asking
     from ..tools.access import Access
     from ..tools.network import TOOL
-    from ..wire import json as values
 
     network, offered = awaited(options, lambda network: (network, _picked(network, options)), hosts)
     action = offered.action
     with Access() as access:
         about = asking.about(access, network, offered.start)
-    if action.inputs and not options.arguments:
-        print(f"{offered.name} takes arguments; fill in:", file=sys.stderr)
-        print(json.dumps(values.template(action.inputs)))
-        return USAGE
-    try:
-        taken = values.take_fields(action.inputs, arguments_of(options.arguments, action.inputs), action.name)
-    except ValueError as exc:
-        say("rc action send", str(exc))
+    taken = request_of(offered.name, action.inputs, options.arguments, "rc action send", about)
+    if taken is None:
         return USAGE
     if refused := allowed(offered.start, about, "rc action send", yes=options.yes):
         return refused

@@ -110,7 +110,7 @@ def _call(network: Network, channel: Channel, options: argparse.Namespace) -> in
     operation = channel.operation
     with Access() as access:
         told = asking.about(access, network, channel, min(options.deadline, asking.DEADLINE))
-        taken = request_of(channel, options.arguments, "rc call", told)
+        taken = request_of(channel.name, operation.inputs, options.arguments, "rc call", told)
         if taken is None:
             return USAGE
         if refused := allowed(channel, told, "rc call", yes=options.yes):

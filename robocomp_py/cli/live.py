@@ -32,8 +32,8 @@ COMPONENT = "robot1/wander, or its last part"
 """What names may be, for the help of commands."""
 
 EXIT_STATUS = (
-    "exit status: 0 done, 1 nothing is there or was heard, or the call failed, 2 usage, 3 a host is out of reach, "
-    "130/143\nby a signal"
+    "exit status: 0 done, 1 what is named is not there, does not fit, or fails, 2 usage, 3 a host is out of reach,\n"
+    "130/143 by a signal"
 )
 
 _LONGEST = 8
@@ -41,7 +41,7 @@ _LONGEST = 8
 
 
 class Absent(Exception):
-    """What a command needs is not there; the text is for people."""
+    """What a command needs is not there, or does not fit what is there; the text is for people."""
 
 
 class Wrong(ValueError):
@@ -386,26 +386,32 @@ def allowed(channel: Channel, told: End | None, command: str, *, yes: bool) -> i
     return WRONG
 
 
-def request_of(channel: Channel, words: list[str], command: str, told: End | None = None) -> tuple[Any, ...] | None:
-    """The values of a request that these words describe; None, and a message, if they do not.
+def request_of(
+    name: str, inputs: Sequence[Field], words: list[str], command: str, told: End | None = None
+) -> tuple[Any, ...] | None:
+    """The values of a request that these words describe; None, and a message, if the words are missing or malformed.
 
-    `told` is what a component tells of the operation.
+    `name` is that of a channel or an action, and `told` what a component tells of it. Raises Absent if the values do
+    not fit it.
     """
     from ..wire import json as values
 
-    inputs = channel.operation.inputs
     if inputs and not words:
-        print(f"{channel.name} takes arguments; fill in:", file=sys.stderr)
+        print(f"{name} takes arguments; fill in:", file=sys.stderr)
         for each in told.comments if told else ():
             text = " ".join(each.text.split())
             print(f"  {each.about}: {text}" if each.about else f"  {text}", file=sys.stderr)
         print(json.dumps(values.template(inputs)))
         return None
     try:
-        return values.take_fields(inputs, arguments_of(words, inputs), channel.operation.name)
+        given = arguments_of(words, inputs)
     except ValueError as exc:
         say(command, str(exc))
         return None
+    try:
+        return values.take_fields(inputs, given, name.rpartition("/")[2])
+    except ValueError as exc:
+        raise Absent(str(exc)) from exc
 
 
 def arguments_of(words: list[str], inputs: Sequence[Field]) -> Any:

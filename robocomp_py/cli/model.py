@@ -13,10 +13,9 @@ from .network import network
 def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
     """The plan of a network that runs, by its file or by its name; else what its file declares. As `Plan.to_json`.
 
-    Raises ConfigurationError and DeploymentError; what is wrong with a file is printed.
+    Raises DeploymentError; what is wrong with a file is printed.
     """
-    from ..deploy.client import network_of, not_running, running_plan
-    from ..errors import ConfigurationError
+    from ..deploy.client import NotRunning, network_of, not_running, running_plan
 
     name = network_of(text)
     plan = running_plan(name)
@@ -24,7 +23,7 @@ def declared(text: str, include: Sequence[Path] = ()) -> Mapping[str, Any]:
         return plan
     path = network(text)
     if path.suffix != ".ddsl":
-        raise ConfigurationError(not_running(name, "give it a DDSL file"))
+        raise NotRunning(not_running(name, "give it a DDSL file"))
     return _planned(path, include)
 
 
@@ -35,11 +34,11 @@ def _planned(path: Path, include: Sequence[Path]) -> Mapping[str, Any]:
     from ..deploy.plan import Overrides
     from ..deploy.planner import make_plan
     from ..dsl.workspace import Workspace
-    from ..errors import ConfigurationError
+    from ..errors import DeploymentError
 
     workspace = Workspace(include)
     plan = make_plan(path, workspace, Overrides(), usable, is_here=is_own)
     if plan is None:
         show(workspace.report.diagnostics)
-        raise ConfigurationError(f"{path} is wrong; see above")
+        raise DeploymentError(f"{path} is wrong; see above")
     return plan.to_json()

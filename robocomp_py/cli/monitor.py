@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from .common import WRONG, add_include
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
-from .live import add_json, add_middleware, port, positive, reported
+from .live import Absent, add_json, add_middleware, port, positive, reported
 from .model import declared
 
 if TYPE_CHECKING:
@@ -89,18 +89,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _network(options: argparse.Namespace) -> str:
-    """The name of the network; "" without a network. Raises RobocompError."""
+    """The name of the network; "" without a network. Raises Absent and RobocompError."""
     from ..deploy.client import network_of, networks
-    from ..errors import ConfigurationError
 
     name = network_of(options.network) if options.network else ""
     if not name:
         running = networks()
         if len(running) > 1:
-            raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")
+            raise Absent(f"several networks run here; name one of {', '.join(running)}")
         name = "".join(running)
     if options.allow_control and not name:
-        raise ConfigurationError("--allow-control is for a network that rcdeploy runs here, and none runs")
+        raise Absent("--allow-control is for a network that rcdeploy runs here, and none runs")
     return name
 
 

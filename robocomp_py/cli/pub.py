@@ -88,7 +88,7 @@ def _publish(network: Network, channel: Channel, options: argparse.Namespace) ->
 
     with Access() as access:
         told = asking.about(access, network, channel)
-        taken = request_of(channel, options.arguments, "rc pub", told)
+        taken = request_of(channel.name, channel.operation.inputs, options.arguments, "rc pub", told)
         if taken is None:
             return USAGE
         if refused := allowed(channel, told, "rc pub", yes=options.yes):

@@ -122,7 +122,7 @@ examples:
   rc run camera + detector            ... several in one process
   eval "$(rc completion bash)"        complete commands and names with the Tab key; or zsh, fish
 
-exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 130/143 by a signal
+exit status: 0 fine, 1 wrong input or a component failed, 2 usage, 3 a host is out of reach, 130/143 by a signal
 """
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from .common import FINE, WRONG, complain, show
 from .completing import What, completed
-from .live import add_middleware, port, reported
+from .live import Absent, add_middleware, port, reported
 
 if TYPE_CHECKING:
     from ..sim.view.page import Page
@@ -123,9 +123,9 @@ def _view_network(options: argparse.Namespace) -> int:
 def network_named(text: str) -> str:
     """The name of a network, by its file or by itself; without a text, of the one that runs here, or "".
 
-    Raises RobocompError.
+    Raises Absent and RobocompError.
     """
-    from ..deploy.client import network_of, networks, not_running, running_plan
+    from ..deploy.client import NotRunning, network_of, networks, not_running, running_plan
     from ..errors import ConfigurationError
 
     if Path(text).suffix not in ("", ".ddsl"):
@@ -134,10 +134,10 @@ def network_named(text: str) -> str:
     if text:
         name = network_of(text)
         if running_plan(name) is None:
-            raise ConfigurationError(not_running(name, "start it with rcdeploy, or give the file of a scene (.xml)"))
+            raise NotRunning(not_running(name, "start it with rcdeploy, or give the file of a scene (.xml)"))
         return name
     if len(running) > 1:
-        raise ConfigurationError(f"several networks run here; name one of {', '.join(running)}")
+        raise Absent(f"several networks run here; name one of {', '.join(running)}")
     return "".join(running)
 
 

@@ -162,9 +162,9 @@ class Hosts(Closing):
     def _check(self, hosts: Mapping[str, str]) -> None:
         for name in self._others or ():
             if not hosts:
-                raise ConfigurationError(f"host {name}: no network with other hosts runs here")
+                raise DeploymentError(f"host {name}: no network with other hosts runs here")
             if name not in hosts:
-                raise ConfigurationError(unknown("host", name, hosts))
+                raise DeploymentError(unknown("host", name, hosts))
 
     def _operator(self, plans: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
         """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
@@ -185,10 +185,10 @@ class Hosts(Closing):
                 found.setdefault(each["middleware"], visiting)
         if self._keys and not found:
             if not Path(self._keys, OPERATOR, "certificate.pem").is_file():
-                raise ConfigurationError(
+                raise DeploymentError(
                     f"{self._keys} has no keys of an operator; make them: rcdeploy keys NET.ddsl --operator"
                 )
-            raise ConfigurationError("no network that needs an operator runs here")
+            raise DeploymentError("no network that needs an operator runs here")
         return found
 
     def _plans(self) -> dict[str, Any]:

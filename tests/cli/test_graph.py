@@ -141,7 +141,7 @@ def test_what_is_declared_and_does_not_run_is_drawn_as_missing(network: Path, ca
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (["nowhere", "--live"], 2, "network `nowhere` is not running on this machine; give it a DDSL file"),
+        (["nowhere", "--live"], 1, "network `nowhere` is not running on this machine; give it a DDSL file"),
         (["nowhere.ddsl", "--live"], 1, "nowhere.ddsl cannot be read"),
         (["net.ddsl", "--live", "--middleware", "dds"], 2, "--live shows what runs: leave out --middleware and --set"),
         (["net.ddsl", "--live", "-o", "net.dot"], 1, "net.dot: what runs is drawn as .svg, .png; use one of these"),

@@ -50,9 +50,9 @@ def test_a_port_that_is_taken_is_told(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (["nowhere"], 2, "network `nowhere` is not running on this machine; give it a DDSL file"),
+        (["nowhere"], 1, "network `nowhere` is not running on this machine; give it a DDSL file"),
         (["nowhere.ddsl"], 1, "nowhere.ddsl cannot be read"),
-        (["--allow-control"], 2, "--allow-control is for a network that rcdeploy runs here"),
+        (["--allow-control"], 1, "--allow-control is for a network that rcdeploy runs here"),
         (["--middleware", "smoke"], 2, "unknown middleware `smoke`"),
     ],
 )

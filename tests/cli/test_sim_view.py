@@ -77,7 +77,7 @@ def test_what_is_edited_is_a_file_of_a_scene(capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (["nowhere"], 2, "network `nowhere` is not running on this machine; start it with rcdeploy, or give the file"),
+        (["nowhere"], 1, "network `nowhere` is not running on this machine; start it with rcdeploy, or give the file"),
         (["nowhere.ddsl"], 1, "nowhere.ddsl cannot be read"),
         (["house.dae"], 2, "house.dae: give it the file of a scene (.xml), or a network"),
         (["--middleware", "smoke"], 2, "unknown middleware `smoke`"),

@@ -15,10 +15,11 @@ from ..runtime.test_run import make, running
 IDSL = """
 module RoboCompPilot
 {
-    struct Place { float x; float y; };
+    struct Place { float x; float y; };   // in m
     exception Blocked { string by; };
     interface Pilot
     {
+        // Fly straight to a place.
         [action] int fly(Place target, int steps) feedback(int left) throws Blocked;
     };
 };

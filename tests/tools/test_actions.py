@@ -129,9 +129,9 @@ def test_ctrl_c_cancels_the_goal(capsys: pytest.CaptureFixture[str]) -> None:
         (("send", "fyl", "--timeout", "0.1"), 1, "no action `fyl` is offered now; did you mean `fly`?"),
         (("info", "elephant", "--timeout", "0.1"), 1, "`rc action list` shows all"),
         (("info", "pilot/CommonBehavior/getState"), 1, "getState is a query; `rc call` calls it"),
-        (("send", "fly", "steps=1"), 2, "fly: lacks `target`"),
+        (("send", "fly", "steps=1"), 1, "fly: lacks `target`"),
         (("send", "fly", "{"), 2, "is no JSON"),
-        (("send", "fly", "target=1", "steps=1"), 2, "fly.target: the number 1 is given"),
+        (("send", "fly", "target=1", "steps=1"), 1, "fly.target: the number 1 is given"),
         (("list", "--middleware", "shn"), 2, "unknown middleware `shn`; did you mean `shm`?"),
     ],
 )
@@ -151,7 +151,14 @@ def test_fields_of_a_goal_are_completed() -> None:
 
 
 def test_a_goal_without_arguments_shows_what_it_takes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert json.loads(said(capsys, "action", "send", "fly", code=2)) == {"target": {"x": 0.0, "y": 0.0}, "steps": 0}
+    assert rc.main(["action", "send", "fly"]) == 2
+    shown = capsys.readouterr()
+    assert json.loads(shown.out) == {"target": {"x": 0.0, "y": 0.0}, "steps": 0}
+    assert shown.err.splitlines() == [
+        "pilot/Pilot/fly takes arguments; fill in:",
+        "  Fly straight to a place.",
+        "  Place: in m",
+    ]
 
 
 def test_states_that_nobody_knows_are_left_out() -> None:

@@ -574,7 +574,7 @@ def test_a_network_that_does_not_run_is_compared_with_its_file(
     [
         (["--check", "memmory"], 2, "unknown check `memmory`; did you mean `memory`?"),
         (["nowhere.ddsl"], 1, "rc doctor: nowhere.ddsl cannot be read: No such file"),
-        (["nowhere"], 2, "rc doctor: network `nowhere` is not running on this machine; give it a DDSL file"),
+        (["nowhere"], 1, "rc doctor: network `nowhere` is not running on this machine; give it a DDSL file"),
     ],
 )
 def test_wrong_arguments_are_explained(

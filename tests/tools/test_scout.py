@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 from robocomp_py.cli import rc
-from robocomp_py.cli.common import UNREACHABLE, USAGE
+from robocomp_py.cli.common import UNREACHABLE, WRONG
 from robocomp_py.cli.monitor import sight
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import HostUnreachable, Unreachable
@@ -217,22 +217,22 @@ def test_the_exit_status_tells_that_a_host_is_out_of_reach(capsys: pytest.Captur
 
 @pytest.mark.usefixtures("own_runtime_folder")
 def test_a_wrong_name_of_a_host_or_a_network_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    assert rc.main(["list", "--host", "base"]) == USAGE
+    assert rc.main(["list", "--host", "base"]) == WRONG
     assert "no network with other hosts runs here" in capsys.readouterr().err
     with elsewhere.network("base"):
-        assert rc.main(["list", "--host", "vase"]) == USAGE
+        assert rc.main(["list", "--host", "vase"]) == WRONG
         assert "did you mean 'base'" in capsys.readouterr().err.replace("`", "'")
-        assert rc.main(["list", "--network", "work"]) == 1
+        assert rc.main(["list", "--network", "work"]) == WRONG
         assert "network `work` is not running" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("own_runtime_folder")
 def test_keys_that_are_not_those_of_an_operator_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert rc.main(["list", "--keys", str(tmp_path)]) == USAGE
+    assert rc.main(["list", "--keys", str(tmp_path)]) == WRONG
     assert "make them: rcdeploy keys NET.ddsl --operator" in capsys.readouterr().err
     (tmp_path / "operator@").mkdir()
     (tmp_path / "operator@" / "certificate.pem").touch()
-    assert rc.main(["list", "--keys", str(tmp_path)]) == USAGE
+    assert rc.main(["list", "--keys", str(tmp_path)]) == WRONG
     assert "no network that needs an operator runs here" in capsys.readouterr().err
 
 
@@ -543,7 +543,7 @@ def test_queries_of_another_host_are_called(capsys: pytest.CaptureFixture[str]) 
         divide = ("call", "sums/Everything/divide", "dividend=9")
         assert json.loads(said(capsys, *divide, "divisor=4", *THERE)) == {"ret": 2, "remainder": 1}
         assert "division by zero" in complained(capsys, *divide, "divisor=0", *THERE)
-        assert "lacks `divisor`" in complained(capsys, *divide, *THERE, code=USAGE)
+        assert "lacks `divisor`" in complained(capsys, *divide, *THERE, code=WRONG)
 
 
 @pytest.mark.usefixtures("talker")
@@ -611,7 +611,7 @@ def test_messages_are_published_on_another_host(own_runtime_folder: Any, capsys:
         wait_until(lambda: "7 boo" in worker.entries)
         said(capsys, "pub", "phantom/Everything/news", "number=8", "text=a", "-n", "3", "--rate", "100", *THERE)
         wait_until(lambda: worker.entries.count("8 a") == 3)
-        assert "no field `size`" in complained(capsys, "pub", "phantom/Everything/news", "size=8", *THERE, code=USAGE)
+        assert "no field `size`" in complained(capsys, "pub", "phantom/Everything/news", "size=8", *THERE, code=WRONG)
 
 
 def test_each_subscriber_of_all_hosts_gets_a_message_once() -> None:
