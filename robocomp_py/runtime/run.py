@@ -16,7 +16,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from .. import installed
-from ..contract.component import MAX_SECONDS, Port
+from ..contract.component import Port
 from ..contract.parameters import build
 from ..contract.statemachine import label
 from ..errors import Closed, ComponentError, ConfigurationError, RobocompError
@@ -25,20 +25,22 @@ from ..transports import headroom
 from ..transports.base import TransportFactory, find_transport
 from ..wire import names
 from . import tally
-from .clock import NEVER, SECOND, Clock, Real, Virtual, ns
+from .clock import NEVER, SECOND, Clock, Real, Virtual
 from .commandline import configure_logging, exit_code, parser_of, prepare, print_config, tell_notes
 from .commonbehavior import CommonBehavior
 from .connections import Connections
 from .ending import STUCK, announced, end_after, grace_of, settle
-from .hooks import Hooks, name_of
+from .hooks import Hooks
 from .introspecting import Introspection
 from .introspection import Counts, life, status
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor, Threads
 from .notify import contract, notify
+from .overruns import warn_if_slow
 from .RoboCompCommonBehavior import Status
 from .settings import Settings
 from .signals import Signals
+from .sleeping import Sleepers
 from .statemachine import Machine, Trigger
 from .timers import Agenda, Timer, TimerHandle, Timers
 from .trace import place_of, user_trace
@@ -55,9 +57,6 @@ if TYPE_CHECKING:
     from .diary import Diary
 
 log = logging.getLogger("robocomp.worker")
-
-_SLOW = 10
-"""Number of skipped periods after which a component is reported as too slow."""
 
 _ALIVE = (State.COMPUTE, State.EMERGENCY)
 
@@ -102,15 +101,15 @@ class Running:
         self.monitor = Monitor(f"worker-{settings.instance}", threads)
         self._watching = Watching(settings.instance, self._call_qos_hook, self.clock)
         self._compute = Timer("compute", Beat(settings.period, self.clock.now()), self._wake.set)
-        self._agenda: Agenda | None = None
-        """The other timers; None if there has been none."""
+        self._agenda = Agenda(settings.instance, self.clock)
+        """The other timers."""
         self._is_stepping = False
         self.failed = False
         """Whether its code or its middleware failed, which ends it."""
         self._is_closed = False
         self._is_driven = True
         """Whether an executor takes its steps, so that it has no threads of its own."""
-        self._sleeping: set[threading.Event] = set()
+        self._sleepers = Sleepers(self.clock, self.monitor, lambda: self.state)
         self._hooks = Hooks(self.monitor, self.clock, lambda: self.state, self.stop, self._fail)
         self._machine: Machine | None = None
         self._diary: Diary | None = None
@@ -176,8 +175,7 @@ class Running:
         elif is_alive and not (self._machine and state is State.COMPUTE and self._machine._waiting):
             due = self._compute._beat.due(now)
         if self._is_driven and is_alive and due > now:
-            beside = min(self._watching.due(), self._agenda.due()) if self._agenda else self._watching.due()
-            due = min(due, max(now, beside))
+            due = min(due, max(now, min(self._watching.due(), self._agenda.due())))
         return due
 
     @property
@@ -252,7 +250,7 @@ class Running:
     @property
     def all_overruns(self) -> int:
         """Those of `compute` and of all timers."""
-        return self.overruns + sum(each.overruns for each in self._timers)
+        return self.overruns + sum(each.overruns for each in self._agenda.timers)
 
     @property
     def clock_name(self) -> str:
@@ -262,16 +260,12 @@ class Running:
         return self.settings.clock.leader if self._lockstep and self.settings.clock else ""
 
     @property
-    def _timers(self) -> Sequence[Timer]:
-        return self._agenda.timers if self._agenda else ()
-
-    @property
     def _counts(self) -> Counts:
         return Counts(self.computes, self.overruns)
 
     def _status(self) -> Status:
         name, component, bound = self.settings.instance, self.component.name, self._connections.bound
-        return status(name, component, self.state, self._counts, bound, self._watching.all, self._timers)
+        return status(name, component, self.state, self._counts, bound, self._watching.all, self._agenda.timers)
 
     @property
     def is_running_here(self) -> bool:
@@ -289,15 +283,13 @@ class Running:
             if during is None or self.state is during:
                 self.state = after(self.state, event)
             is_ending = self.state in (State.FINISH, State.ENDED)
-            if self._agenda and is_ending:
+            if is_ending:
                 self._agenda.end()
-            elif self._agenda and self.state is not State.COMPUTE:
+            elif self.state is not State.COMPUTE:
                 self._agenda.pause()
-            sleeping = list(self._sleeping)
         self._wake.set()
         if is_ending:
-            for each in sleeping:
-                each.set()
+            self._sleepers.wake()
             self.monitor.turn_away()
 
     def publish(self, port: Port) -> tuple[Any, Callable[[], None]]:
@@ -312,13 +304,13 @@ class Running:
 
         if not self._is_virtual:
             counts = self._lockstep.counts if self._lockstep else None
-            return Surroundings(self.monitor, self._await, time.monotonic, new_identity, counts)
+            return Surroundings(self.monitor, self._sleepers.wait, time.monotonic, new_identity, counts)
         numbers, who = itertools.count(1), f"{self.settings.namespace}/{self.settings.instance}"
 
         def identity() -> bytes:
             return hashlib.blake2b(f"{who} {next(numbers)}".encode(), digest_size=16).digest()
 
-        return Surroundings(self.monitor, self._await, lambda: self.clock.now() / SECOND, identity)
+        return Surroundings(self.monitor, self._sleepers.wait, lambda: self.clock.now() / SECOND, identity)
 
     def _in_lockstep(self, settings: Settings) -> Lockstep | Followed | None:
         """What lets the component follow another clock; None if it tells the time of its own to others."""
@@ -339,8 +331,8 @@ class Running:
         worker._period = self.settings.period
         worker._signal = self.signal
         worker._clock = self.clock
-        worker._sleep = self._sleep
-        worker._after = self._after
+        worker._sleep = self._sleepers.sleep
+        worker._after = self._agenda.after
         worker._state = lambda: self.state
         worker._set_period = self._set_period
         worker._wake = self._wake.set
@@ -363,9 +355,9 @@ class Running:
 
             add_to(worker, self.settings)
         if self.component.timers:
-            agenda, periods = self._timing(), self.settings.timers
+            periods = self.settings.timers
             worker.timers = Timers(
-                agenda.add(each.name, periods.get(each.name, each.period), getattr(worker, each.method))
+                self._agenda.add(each.name, periods.get(each.name, each.period), getattr(worker, each.method))
                 for each in self.component.timers
             )
         try:
@@ -407,8 +399,7 @@ class Running:
         tally.write(self.monitor.tallies, self.component.ports, self.settings.namespace, self.settings.instance)
         self._connections.close_links()
         self._watching.close()
-        if self._agenda:
-            self._agenda.close()
+        self._agenda.close()
         self.monitor.close()
         self._connections.close()
         if self._diary:
@@ -431,8 +422,7 @@ class Running:
                 return self._on_the_beat(self.worker.emergency)
             case State.RESTORE:
                 self._once(self.worker.restore)
-                if self._agenda:
-                    self._begin_timers(self._agenda)
+                self._resume_timers()
             case State.FINISH:
                 if self._connections.goals:
                     self._hooks.call(self._connections.goals.end, early=True)
@@ -468,8 +458,9 @@ class Running:
             self._watching.begin()
         self._compute._beat = self.worker._beats(self.clock.now())
         self.ready.set()
-        if self._agenda:  # from now on, `after` does so
-            self._begin_timers(self._agenda)
+        self._resume_timers()
+        if not self._is_driven:
+            self._agenda.begin(self._fire)
         self._connections.tell_missing()
         if not self._lockstep:
             self._tell_ready()  # last: the launcher then starts components that depend on this one
@@ -519,31 +510,14 @@ class Running:
         now = self.clock.now()
         beat.done(now)
         if beat.overruns != skipped:
-            self._tell_slow(self._compute, hook, (now - max(begun, self._hooks.entered)) / SECOND)
+            took = (now - max(begun, self._hooks.entered)) / SECOND
+            warn_if_slow(self._compute, hook, took, self.monitor.tallies)
         return True
 
-    def _timing(self) -> Agenda:
-        """The times of timers, from the first one on."""
-        with self._changing:
-            self._agenda = self._agenda or Agenda(self.settings.instance, self.clock)
-            return self._agenda
-
-    def _after(self, seconds: float, function: Callable[[], object]) -> TimerHandle:
-        is_first = self._agenda is None
-        agenda = self._timing()
-        if self.state in (State.FINISH, State.ENDED):
-            agenda.end()
-        handle = agenda.after(seconds, function)
-        if is_first and self.ready.is_set():
-            self._begin_timers(agenda)
-        return handle
-
-    def _begin_timers(self, agenda: Agenda) -> None:
-        with self._changing:
+    def _resume_timers(self) -> None:
+        with self._changing:  # the component may be stopped or become an emergency at this moment
             if self.state is State.COMPUTE:
-                agenda.resume()
-        if not self._is_driven:
-            agenda.begin(self._fire)
+                self._agenda.resume()
 
     def _fire(self, taken: Timer | TimerHandle) -> None:
         """Call a timer or a function on a thread of the monitor, or here if there is none."""
@@ -553,18 +527,17 @@ class Running:
 
     def _tick(self) -> bool:
         """Call the timer or function that is due first, if one is and no thread does it."""
-        taken = self._agenda.take() if self._agenda else None
+        taken = self._agenda.take()
         if taken:
             with contextlib.suppress(Closed), self.monitor.held():
                 self._run_timer(taken)
         return taken is not None
 
     def _run_timer(self, taken: Timer | TimerHandle) -> None:
-        assert self._agenda
         skipped = taken.overruns if isinstance(taken, Timer) else 0
         took = self._agenda.run(taken, self._hooks.call_inside)
         if isinstance(taken, Timer) and taken.overruns != skipped:
-            self._tell_slow(taken, taken._method, took)
+            warn_if_slow(taken, taken._method, took, self.monitor.tallies)
 
     def _watch(self) -> bool:
         """Look at the deadlines of topics, if that is due and no thread does it."""
@@ -572,44 +545,6 @@ class Running:
             return False
         self._watching.look()
         return True
-
-    def _sleep(self, seconds: float) -> bool:
-        """Wait on the clock while handlers may run; False if the component is asked to stop meanwhile."""
-        if not 0 <= seconds <= MAX_SECONDS:
-            raise ValueError(f"a component sleeps for 0 to {MAX_SECONDS:g} seconds, not {seconds!r}")
-        return self._await(seconds, bool, threading.Event())
-
-    def _await(self, seconds: float | None, condition: Callable[[], bool], wake: threading.Event) -> bool:
-        """As `_sleep`, but not longer than until a condition holds, which is looked at when the event is set."""
-        until = NEVER if seconds is None else self.clock.now() + ns(seconds)
-        over = (State.ENDED,) if self.state is State.FINISH else (State.FINISH, State.ENDED)
-        with self._changing:
-            self._sleeping.add(wake)
-        try:
-            with self.monitor.suspended():
-                while self.state not in over and not condition() and self.clock.reached() < until:
-                    if self.clock.wait(wake, until):
-                        wake.clear()
-        finally:
-            with self._changing:
-                self._sleeping.discard(wake)
-        return self.state not in over
-
-    def _tell_slow(self, timer: Timer, hook: Callable[[], object], took: float) -> None:
-        """Warn once if a timer skips more than half of its periods. A single late call is not reported."""
-        if timer._was_slow or timer.overruns < max(_SLOW, timer.calls):
-            return
-        timer._was_slow = True
-        if took >= timer.period:
-            text = f"took {took:.3g} s, longer than the period of {timer.period:.3g} s: "
-        else:
-            text = f"waited for other code of this component{self._slow_handler(timer.period)}: "
-        log.warning("%s %s%d periods were skipped (more are only counted)", name_of(hook), text, timer.overruns)
-
-    def _slow_handler(self, period: float) -> str:
-        """For a message: the handler that took longest, if that was at least half of a period."""
-        took, handler = self.monitor.tallies.slowest_handler()
-        return f" ({handler} took {took:.3g} s, the period is {period:.3g} s)" if took >= period / 2 else ""
 
     def _call_qos_hook(self, port: Port, operation: str, event: Missed | Lost) -> None:
         """Call the hook for a missed deadline or a lost publisher, inside the monitor."""

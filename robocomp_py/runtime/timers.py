@@ -5,6 +5,8 @@
     run       calls it, inside the monitor of the component
     begin     does both, by a thread of its own and those of the monitor; without it, an executor does
 
+The thread starts with the first timer: a component without timers has none.
+
 `compute` is the `Timer` that every component has, but the thread of the component calls it.
 """
 
@@ -137,6 +139,7 @@ class Agenda:
         self._numbers = itertools.count()
         self._wake = threading.Event()
         self._runs = self._closed = False
+        self._fire: Callable[[Timer | TimerHandle], object] | None = None
         self._thread: threading.Thread | None = None
 
     def add(self, name: str, period: float, method: Callable[[], object]) -> Timer:
@@ -159,6 +162,7 @@ class Agenda:
                 handle.cancel()
             else:
                 heapq.heappush(self._once, (handle._due, next(self._numbers), handle))
+            self._need_thread()
         self._wake.set()
         return handle
 
@@ -218,15 +222,13 @@ class Agenda:
         return (self._clock.now() - begun) / SECOND
 
     def begin(self, fire: Callable[[Timer | TimerHandle], object]) -> None:
-        """Pass each timer to `fire` when it is due. `fire` must not wait."""
+        """From now on, pass each timer to `fire` when it is due. `fire` must not wait.
+
+        Raises ComponentError if there are timers and no thread can start; so does `after` for the first function.
+        """
         with self._lock:
-            if self._thread or self._closed:
-                return
-            self._thread = threading.Thread(target=self._loop, args=(fire,), name=f"{self._name}-timers")
-            self._clock.wait(self._wake, self._clock.reached())  # so that a clock that others move knows of the thread
-            if not start_thread(self._thread):
-                self._thread = None
-                raise ComponentError(f"timers cannot run: {NO_THREAD}")
+            self._fire = fire
+            self._need_thread()
 
     def end(self) -> None:
         """Call nothing any more; functions that wait are cancelled."""
@@ -242,6 +244,16 @@ class Agenda:
         self.end()
         if self._thread and self._thread is not threading.current_thread():
             self._thread.join(_STUCK)
+
+    def _need_thread(self) -> None:
+        """Start the thread if there is something to wait for. Called with the lock."""
+        if not self._fire or self._thread or self._closed or not (self.timers or self._once):
+            return
+        self._thread = threading.Thread(target=self._loop, args=(self._fire,), name=f"{self._name}-timers")
+        self._clock.wait(self._wake, self._clock.reached())  # so that a clock that others move knows of the thread
+        if not start_thread(self._thread):
+            self._thread = None
+            raise ComponentError(f"timers cannot run: {NO_THREAD}")
 
     def _first(self) -> tuple[int, Timer | TimerHandle | None]:
         """What is due first of all that is not running, with its time. Called with the lock."""

@@ -233,7 +233,7 @@ def test_a_sleep_ends_when_the_component_is_stopped(find: Any) -> None:
 
     made = test_run.make(Sleeper, find)
     with test_run.running(made) as worker:
-        wait_until(lambda: made._sleeping)
+        wait_until(lambda: made.monitor.load == (0, 1))
     assert worker.entries == ["initialize", "False", "True"]
 
 
@@ -245,7 +245,7 @@ def test_handlers_may_run_while_a_component_sleeps(find: Any) -> None:
 
     made = test_run.make(Sleeper, find)
     with test_run.running(made) as worker, test_run.running(test_run.make(Pupil, find)) as pupil:
-        wait_until(lambda: made._sleeping)
+        wait_until(lambda: made.monitor.load == (0, 1))
         assert pupil.everything_proxy.divide(7, 2) == (3, 1)
     assert worker.entries == ["initialize", "compute", "finish"]
 
