@@ -29,6 +29,8 @@ _LOOK = 0.5
 _GIZMO = "/gizmo"
 _GIZMO_SIZE = 110.0
 """Length of its arrows, pixels: the same from near and from far."""
+_COVERED = 0.6
+"""The part of the height of a narrow page that the panel covers."""
 _SHOWN_IDS = 5000
 """Nodes that can be chosen from the list; of a larger scene, others are selected by a click."""
 
@@ -60,6 +62,7 @@ class Desk:
         self._scene.show(self.editor.tree)
 
     async def _opened(self, client: ClientHandle) -> None:
+        self._scene.aim(client, _COVERED)
         if self._sheet is None:
             self._sheet = Sheet(client, self)
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from ...innermodel.axes import Array
 from ...innermodel.boxes import pictured
 from ...innermodel.mesh import Mesh
 from ...innermodel.read import ROOT_ID
+from .aiming import Aim, viewpoint
 from .shapes import Block, Cloud, Eye, Fan, Form, Gallery, Pictured, Shape, Surface
 
 Picked = Callable[[str, int], object]
@@ -30,17 +31,6 @@ _RAYS = 24
 _POINT = 0.02
 """Size of a point of a cloud, m."""
 _CORNERS = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-_AWAY = np.array((-0.7, -0.3, 0.8)) / math.sqrt(1.22)
-"""From what a new page looks at to where it looks from."""
-_RIGHT = np.array((0.3, -0.7, 0.0)) / math.sqrt(0.58)
-_UP = np.cross(_AWAY, _RIGHT)
-_IN_SIGHT = (0.5, 0.7)
-"""How far a point may be from the middle of the picture, to a side and upwards, divided by its distance.
-
-The field of view of viser is 0.77 upwards. To the sides, it depends on the page: 0.52 if that has 475 by 700 pixels.
-"""
-_NEAREST = 1.5
-"""A new page looks from no nearer than this, m."""
 _SUN = (-30.0, 50.0, 100.0)
 """Where light comes from: each side of a box that a new page sees gets another part of it."""
 _EYE: tuple[int, int, int] = (40, 40, 40)
@@ -63,7 +53,8 @@ class Stage:
         self._carriers: dict[str, Any] = {}
         self._lock = threading.RLock()
         self._number = 0
-        self._is_aimed = False
+        self._parts: list[Array] = []
+        """Points of what does not move, which new pages have in sight."""
         _light(server.scene)
 
     def show(self, shapes: Iterable[Shape]) -> None:
@@ -82,7 +73,7 @@ class Stage:
                 if before:
                     before.handle.remove()
                 self._shown[key] = _Shown(shape, self._add(shape))
-            if self._shown and not self._is_aimed:
+            if self._shown and not self._parts:
                 self._aim()
 
     def place(self, poses: Mapping[str, Array]) -> None:
@@ -91,12 +82,17 @@ class Stage:
             for carrier, pose in poses.items():
                 _put(self._carrier(carrier), pose)
 
+    def aim(self, camera: viser.CameraHandle, covered: float) -> None:
+        """Let a page look at all of it; `covered` is the part of a narrow page that the panel covers."""
+        if self._parts:
+            Aim(camera, self._parts, covered)
+
     def _aim(self) -> None:
         """Let new pages look at all of it."""
-        self._is_aimed = True
         still = (each.shape for each in self._shown.values() if each.shape.carrier == ROOT_ID)
+        self._parts = [_corners(each, self._gallery) for each in still] or [np.zeros((1, 3))]
         camera = self._server.initial_camera
-        camera.look_at, camera.position = viewpoint([_corners(each, self._gallery) for each in still])
+        camera.look_at, camera.position = viewpoint(self._parts)
 
     def _carrier(self, name: str) -> Any:
         if name not in self._carriers:
@@ -123,18 +119,6 @@ def _light(scene: viser.SceneApi) -> None:
     scene.configure_default_lights(enabled=False)
     scene.add_light_ambient("/light/around", intensity=1.7)
     scene.add_light_directional("/light/sun", intensity=1.8, position=_SUN)
-
-
-def viewpoint(parts: Sequence[Array]) -> tuple[Array, Array]:
-    """Where a camera looks and stands to have all parts in sight, each an array of points: m, shape (3,).
-
-    It stands behind them, to the right and above.
-    """
-    points = np.concatenate(parts) if parts else np.zeros((1, 3))
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    seen = (points - middle) @ np.stack((_RIGHT, _UP, _AWAY), axis=1)
-    needed = (np.abs(seen[:, :2]) / _IN_SIGHT).max(axis=1) + seen[:, 2]
-    return middle, middle + max(_NEAREST, float(needed.max())) * _AWAY
 
 
 def _corners(shape: Shape, gallery: Gallery) -> Array:

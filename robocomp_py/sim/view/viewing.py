@@ -26,6 +26,8 @@ Tell = Callable[[str], None]
 """Gets a line for people."""
 
 _NOTHING = "Click something."
+_COVERED = 0.3
+"""The part of the height of a narrow page that the panel covers."""
 
 
 class Scene:
@@ -46,6 +48,10 @@ class Scene:
                 self._told.add(each)
                 self._tell(each)
         self._stage.show(drawing.shapes)
+
+    def aim(self, client: viser.ClientHandle, covered: float) -> None:
+        """Let a new page look at all of it; `covered` is the part of a narrow page that the panel covers."""
+        self._stage.aim(client.camera, covered)
 
     def place(self, matrices: Mapping[str, Array]) -> None:
         """Move carriers to where poses of InnerModel say, seen from the root."""
@@ -87,6 +93,7 @@ class Show:
         return str(self.tree.place(node) or "")
 
     async def _opened(self, client: viser.ClientHandle) -> None:
+        self.scene.aim(client, _COVERED)
         self._facts[client.client_id] = client.gui.add_text("node", _NOTHING, multiline=True, disabled=True)
 
     async def _left(self, client: viser.ClientHandle) -> None:

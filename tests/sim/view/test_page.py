@@ -9,6 +9,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -17,8 +18,12 @@ import viser.transforms
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from robocomp_py.cli.replacing import replace_file
 from robocomp_py.innermodel import axes
+from robocomp_py.innermodel.axes import Array
 from robocomp_py.innermodel.read import InnerModelError
+from robocomp_py.sim.view.desk import Desk
+from robocomp_py.sim.view.editor import Editor
 from robocomp_py.sim.view.page import Page
 from robocomp_py.sim.view.stage import quaternion
 from robocomp_py.sim.view.viewing import FileShow
@@ -90,6 +95,72 @@ def test_a_new_page_has_all_of_a_scene_in_sight_and_not_far_away(side: float, tm
     widest = np.degrees(np.arccos(depths / lengths)).max()
     assert widest < 75.0 / 2.0
     assert widest > 25.0 or np.linalg.norm(ahead) < 2.0
+
+
+def seen(camera: Any, points: Array) -> Array:
+    """Where points are in the picture of a page, from -1 on the left and at the bottom to 1; shape (n, 2)."""
+    ahead = camera.look_at - camera.position
+    ahead = ahead / np.linalg.norm(ahead)
+    right = np.cross(ahead, (0, 0, 1))
+    right = right / np.linalg.norm(right)
+    x, y, z = np.stack((right, np.cross(right, ahead), ahead)) @ (points - camera.position).T
+    height = z * np.tan(camera.fov / 2.0)
+    return np.stack((x / height / camera.aspect, y / height), axis=1)
+
+
+CORNERS = np.array([(x, y, 0.005) for x in (-2.0, 2.0) for y in (-2.0, 2.0)])
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Path:
+    path = tmp_path / "floor.xml"
+    path.write_text('<innerModel><plane id="floor" size="4000,10,4000"/></innerModel>')
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "lowest"),
+    [
+        (FileShow, (1200, 700), -1.0),
+        (FileShow, (600, 700), -1.0),
+        (FileShow, (320, 700), -0.4),
+        (Desk, (900, 700), -1.0),
+        (Desk, (320, 700), 0.2),
+    ],
+)
+def test_a_page_has_all_of_a_scene_in_sight_beside_its_panel(
+    kind: type, size: tuple[int, int], lowest: float, floor: Path
+) -> None:
+    with page() as served:
+        kind(served, Editor(floor, replace_file) if kind is Desk else floor, print)
+        with visiting(served.url, size) as visitor:
+            visitor.awaits(lambda: visitor.field("node"))  # then it is aimed, too
+            (client,) = served.server.get_clients().values()
+            places = seen(client.camera, CORNERS)
+    assert places.max() < 1.0
+    assert places[:, 0].min() > -1.0
+    assert places[:, 1].min() > lowest
+    assert max(np.ptp(places[:, 0]) / 2.0, np.ptp(places[:, 1]) / (1.0 - lowest)) > 0.6  # and it is not far away
+
+
+def test_a_page_whose_window_changes_has_all_in_sight_until_its_user_looks_elsewhere(floor: Path) -> None:
+    with page() as served:
+        FileShow(served, floor, print)
+        with visiting(served.url, (1200, 700)) as visitor:
+            visitor.awaits(lambda: visitor.field("node"))
+            (client,) = served.server.get_clients().values()
+            wide = np.array(client.camera.position)
+            visitor.look((3.0, 3.0, 3.0), (1200, 700))  # pages begin there
+            visitor.look(tuple(wide.tolist()), (1200, 700))
+            visitor.look(tuple(wide.tolist()), (600, 700))
+            visitor.awaits(lambda: np.linalg.norm(client.camera.position) > np.linalg.norm(wide) * 1.1)
+            visitor.look(tuple(client.camera.position.tolist()), (600, 700))
+            visitor.look((1.0, 2.0, 3.0), (600, 700))
+            visitor.look((1.0, 2.0, 3.0), (300, 700))
+            visitor.awaits(lambda: client.camera.image_width == 300)
+            visitor.look((1.0, 2.0, 4.0), (300, 700))  # after it, all before has been taken
+            visitor.awaits(lambda: client.camera.position[2] == 4.0)
+            assert client.camera.position.tolist() == [1.0, 2.0, 4.0]
 
 
 def test_a_click_tells_what_a_node_is_to_the_page_that_clicked(scene: Path) -> None:

@@ -25,7 +25,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 class Visitor:
     """What a page has on it: objects of the scene by their names, and fields by their labels."""
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection: ClientConnection, size: tuple[int, int]) -> None:
         self._connection = connection
         self._lock = threading.Lock()
         self.scene: dict[str, dict[str, Any]] = {}
@@ -35,7 +35,7 @@ class Visitor:
         """What was told by notifications."""
         self._thread = threading.Thread(target=self._hear, name="visitor")
         self._thread.start()
-        self._send(messages.ViewerCameraMessage((1, 0, 0, 0), (0, 0, 5), 1.0, 0.1, 100, 600, 800, (0, 0, 0), (0, 0, 1)))
+        self.look((0, 0, 5), size)
 
     def close(self) -> None:
         self._connection.close()
@@ -55,6 +55,15 @@ class Visitor:
 
     def value(self, label: str) -> Any:
         return self.field(label).get("value")
+
+    def look(self, place: tuple[float, float, float], size: tuple[int, int]) -> None:
+        """Look from a place, in a window of this width and height."""
+        width, height = size
+        self._send(
+            messages.ViewerCameraMessage(
+                (1, 0, 0, 0), place, 1.3, 0.1, 100, height, width, look_at=(0, 0, 0), up_direction=(0, 0, 1)
+            )
+        )
 
     def click(self, name: str) -> None:
         """Click an object of the scene."""
@@ -153,8 +162,8 @@ def _filled(value: Any, arrays: list[bytes]) -> Any:
 
 
 @contextmanager
-def visiting(url: str) -> Iterator[Visitor]:
-    """A visitor of the page at this address."""
+def visiting(url: str, size: tuple[int, int] = (800, 600)) -> Iterator[Visitor]:
+    """A visitor of the page at this address, with the width and height of its window."""
     parts = urlsplit(url)
     with connect(
         f"ws://{parts.netloc}/",
@@ -164,7 +173,7 @@ def visiting(url: str) -> Iterator[Visitor]:
         max_size=None,
         open_timeout=SOON,
     ) as connection:
-        visitor = Visitor(connection)
+        visitor = Visitor(connection, size)
         try:
             yield visitor
         finally:
