@@ -173,6 +173,11 @@ def existing_command(command: str) -> list[str]:
         return []
 
 
+def is_elsewhere(model: Deployment, instance: Instance) -> bool:
+    """Whether its program is installed on its host, rather than a file beside the network."""
+    return instance.path is not None and Path(instance.path.text).is_absolute() and bool(host_name(model, instance))
+
+
 def find_program(word: str, folder: Path, env: Mapping[str, str]) -> Path | None:
     """The program that a word names in a folder on this host; None if it does not exist."""
     if "/" in word:
