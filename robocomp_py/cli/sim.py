@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -170,6 +171,7 @@ def _import(robot: Path, scene: Path) -> int:
     except InnerModelError as exc:
         return complain(f"rc sim import: {exc}")
     except OSError as exc:
+        shutil.rmtree(folder, ignore_errors=True)  # there was none before
         return complain(f"rc sim import: {exc.filename or scene}: {exc.strerror or exc}")
     if found.left_out:
         print(f"left out: {'; '.join(found.left_out)}")

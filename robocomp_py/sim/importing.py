@@ -22,6 +22,7 @@ from ..innermodel.axes import Array
 from ..innermodel.nodes import Value
 from ..innermodel.read import ROOT_ID, InnerModelError
 from ..innermodel.tree import Tree
+from .urdf import readable
 
 _KINDS = {int(mujoco.mjtJoint.mjJNT_HINGE): "joint", int(mujoco.mjtJoint.mjJNT_SLIDE): "prismaticjoint"}
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -29,6 +30,7 @@ _PLANE, _MESH = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_MESH
 _UNKNOWN = {int(mujoco.mjtGeom.mjGEOM_HFIELD): "hfield", int(mujoco.mjtGeom.mjGEOM_SDF): "mesh"}
 _INFINITE, _THIN = 20000.0, 10.0
 """mm: a side of a plane that MJCF calls infinite, and the height of all planes."""
+_PACKAGES = "a file of the package NAME is looked for in folders NAME beside and above it"
 _GREY = (0.5, 0.5, 0.5)
 """Of a shape that has no colour."""
 _COUNTED = {
@@ -60,24 +62,36 @@ def imported(path: Path, meshes: str = "meshes") -> Imported:
     """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        model = _read(path)
+        model, left_out = _read(path)
     made = converted(model, meshes)
+    made.left_out.extend(left_out)
     made.left_out.extend(f"MuJoCo warns: {' '.join(str(each.message).split())}" for each in told)
     return made
 
 
-def _read(path: Path) -> mujoco.MjModel:
+def _read(path: Path) -> tuple[mujoco.MjModel, list[str]]:
+    """The model of a file, and what it lacks."""
+    left_out: list[str] = []
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        if urdf := readable(path.read_bytes(), path.parent.resolve()):
+            text, left_out = urdf
+            spec = mujoco.MjSpec.from_string(text)
+            spec.modelfiledir = str(path.parent.resolve())
+        else:
+            spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False  # else links that cannot move lose their frames
         spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # masses of links are left out, and may be missing
         spec.compiler.balanceinertia = True
         model: mujoco.MjModel = spec.compile()
+    except InnerModelError as exc:
+        raise InnerModelError(f"{path}: {exc}") from exc
     except ValueError as exc:
-        raise InnerModelError(f"{path}: MuJoCo cannot read it: {' '.join(str(exc).split())}") from exc
+        text = " ".join(str(exc).split())
+        hint = f"; {_PACKAGES}" if "package:" in text else ""
+        raise InnerModelError(f"{path}: MuJoCo cannot read it: {text}{hint}") from exc
     if model.nbody + model.ngeom == 1:
         raise InnerModelError(f"{path}: it has no link and no shape")
-    return model
+    return model, left_out
 
 
 def converted(model: mujoco.MjModel, meshes: str = "meshes") -> Imported:

@@ -16,6 +16,8 @@ from robocomp_py.innermodel.tree import Tree
 from robocomp_py.sim.importing import Imported, converted, imported
 from robocomp_py.sim.world import World
 
+from .scenes import WEDGE
+
 ARM = """\
 <robot name="arm">
   <link name="foot"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
@@ -96,6 +98,47 @@ def test_limits_are_those_from_where_a_joint_begins() -> None:
 def test_links_that_cannot_move_keep_their_frames(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     assert {"foot", "upper", "lens"} <= set(imported(tmp_path / "arm.urdf").tree.ids)
+
+
+def test_a_link_that_is_only_seen_has_its_shape_and_others_their_solid_ones(tmp_path: Path) -> None:
+    """Collada is usual for what is seen, and MuJoCo cannot read it."""
+    picture = '<visual><geometry><mesh filename="package://a/hand.dae"/></geometry><material name="red"/></visual>'
+    box = '<geometry><box size="0.1 0.2 0.3"/></geometry>'
+    solid, seen = f"<collision>{box}</collision>", f"<visual>{box}</visual>"
+    links = {"solid": picture + solid, "seen": seen, "lost": picture}
+    text = "".join(f'<link name="{name}">{shapes}</link>' for name, shapes in links.items())
+    joints = "".join(
+        f'<joint name="to_{name}" type="fixed"><parent link="solid"/><child link="{name}"/></joint>'
+        for name in ("seen", "lost")
+    )
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{red}{text}{joints}</robot>')
+    found = imported(tmp_path / "arm.urdf")
+    planes = [found.tree.node(name) for name, tag in found.tree.tags.items() if tag == "plane"]
+    above = [found.tree.node(found.tree.node(each.parent).parent).id for each in planes]
+    assert sorted(zip(above, [each.values["texture"] for each in planes], strict=True)) == [
+        ("seen", ""),
+        ("solid", "#ff0000"),
+    ]
+    assert found.left_out == [
+        "shapes that touch nothing, of links that also have solid ones: 1",
+        "the shape package://a/hand.dae of lost: MuJoCo reads .obj, .stl, .msh",
+    ]
+
+
+def test_files_of_packages_are_looked_for_beside_and_above_the_file(tmp_path: Path) -> None:
+    mesh = '<collision><geometry><mesh filename="package://arm_description/meshes/wedge.obj"/></geometry></collision>'
+    text = f'<robot name="arm"><link name="foot">{mesh}</link></robot>'
+    inside, beside = tmp_path / "arm_description" / "urdf" / "arm.urdf", tmp_path / "robots" / "arm.urdf"
+    for path in (inside, beside):
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+    with pytest.raises(InnerModelError, match="a file of the package NAME is looked for in folders NAME"):
+        imported(inside)
+    (tmp_path / "arm_description" / "meshes").mkdir()
+    (tmp_path / "arm_description" / "meshes" / "wedge.obj").write_text(WEDGE)
+    for path in (inside, beside):
+        assert list(imported(path).meshes) == ["meshes/wedge.obj"]
 
 
 def test_links_need_no_mass(tmp_path: Path) -> None:
@@ -206,6 +249,20 @@ def test_a_scene_is_written_into_a_new_folder_or_it_is_told_why_not(
     assert capsys.readouterr().err == f"rc sim import: {inside}: Not a directory\n"
 
 
+def test_of_an_import_that_cannot_be_written_nothing_remains(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = "n" * 300  # too long for a file
+    asset = f'<asset><mesh name="a" file="wedge.obj"/><mesh name="{name}" file="wedge.obj"/></asset>'
+    geoms = f'<geom type="mesh" mesh="a"/><geom type="mesh" mesh="{name}"/>'
+    (tmp_path / "wedge.obj").write_text(WEDGE)
+    (tmp_path / "arm.xml").write_text(f"<mujoco>{asset}<worldbody>{geoms}</worldbody></mujoco>")
+    before = sorted(tmp_path.iterdir())
+    assert rc(["sim", "import", str(tmp_path / "arm.xml"), "-o", str(tmp_path / "scene.xml")]) == 1
+    assert capsys.readouterr().err.endswith(f"{name}.obj: File name too long\n")
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_numbers_of_a_converted_scene_are_not_inexact(tmp_path: Path) -> None:
     limited = '<joint type="slide" limited="true" range="-2.01 .11"/>'
     mjcf(f'<body>{limited}<geom type="capsule" size=".03 .3"/></body>').tree.save(tmp_path / "arm.xml")
@@ -237,6 +294,7 @@ def test_a_warning_of_mujoco_is_told_with_the_rest(tmp_path: Path, capsys: pytes
         ("arm.urdf", "", "MuJoCo cannot read it"),
         ("arm.xml", "<mujoco><worldbody><bodi/></worldbody></mujoco>", "MuJoCo cannot read it"),
         ("arm.xml", '<mujoco><asset><mesh file="cup.stl"/></asset></mujoco>', "cup.stl"),
+        ("arm.urdf", '<robot name="a" xmlns:xacro="x/xacro"><xacro:include/></robot>', "by `xacro FILE > FILE.urdf`"),
         ("arm.xml", "<mujoco/>", "it has no link and no shape"),
         ("", "", "it is a folder"),
         ("armm.urdf", None, "arm.urdf`?"),
