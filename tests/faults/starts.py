@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tests.deploy.laboratory import Laboratory as Network
-from tests.transports.icestorm import icestorm
+from tests.transports.ice.icestorm import icestorm
 
 from .checker import Violation
 from .laboratory import ROOT, Laboratory, Remote, running, until

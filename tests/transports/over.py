@@ -9,7 +9,7 @@ import pytest
 from robocomp_py.transports.base import Transport, TransportConfig, find_transport
 from robocomp_py.transports.inproc import InprocTransport
 
-from .domains import DOMAIN
+from .dds.domains import DOMAIN
 
 
 class OverInproc:

@@ -28,7 +28,7 @@ from robocomp_py.transports.zenoh.reader import Reader
 from robocomp_py.transports.zeromq.sockets import Subscription
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 
-from .domains import DOMAIN
+from .dds.domains import DOMAIN
 
 RELIABLE = QoS(Reliability.RELIABLE, depth=1)
 

@@ -21,7 +21,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, TransportConfig
 from robocomp_py.transports.dds.transport import DDSTransport
 from tests.codegen.generated import linked
-from tests.transports.domains import DOMAIN
+from tests.transports.dds.domains import DOMAIN
 
 pytestmark = pytest.mark.tool
 

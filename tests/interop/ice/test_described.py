@@ -25,7 +25,7 @@ from robocomp_py.tools.announced import channels, told_in_files
 from robocomp_py.tools.recording.reader import Recording
 
 from ...cli.programs import running
-from ...transports.icestorm import icestorm
+from ...transports.ice.icestorm import icestorm
 
 pytestmark = pytest.mark.tool
 

@@ -16,7 +16,7 @@ import pytest
 
 from robocomp_py.cli.rcgen import main as rcgen
 from robocomp_py.testing.patience import SOON, wait_until
-from tests.transports.icestorm import free_storm, place_of, process_of
+from tests.transports.ice.icestorm import free_storm, place_of, process_of
 
 pytestmark = pytest.mark.tool
 

@@ -22,7 +22,7 @@ from robocomp_py.runtime.calls import type_of
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, Transport
 from tests.codegen.generated import linked
-from tests.transports.icestorm import icestorm, open_ice, process_of
+from tests.transports.ice.icestorm import icestorm, open_ice, process_of
 
 pytestmark = pytest.mark.tool
 

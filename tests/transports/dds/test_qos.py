@@ -28,7 +28,7 @@ from robocomp_py.transports.dds.transport import DDSTransport
 from robocomp_py.transports.dds.types import publication_type
 
 from .domains import DOMAIN
-from .test_dds import stranger
+from .test_transport import stranger
 
 _STRICT = QoS(Reliability.RELIABLE, deadline=0.5, lifespan=2.0, liveliness=Liveliness.MANUAL_BY_TOPIC, lease=3.0)
 _KIND = type_of(e.divide, Pattern.PUBLISH)

@@ -35,8 +35,8 @@ from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header as head
 from tests.freeports import free_port
 
-from ..deploy.security_network import made, network, way
-from .test_zeromq_wire import Outsider
+from ...deploy.security_network import made, network, way
+from .test_wire import Outsider
 
 DIVIDE = Channel("robot/camera/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
 MOVE = Channel("robot/camera/Everything/move", Pattern.COMMAND, TypeRef("", 7, "move"))

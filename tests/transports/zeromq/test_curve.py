@@ -20,9 +20,9 @@ from robocomp_py.transports.zeromq.sockets import new_socket
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from tests.freeports import free_port
 
-from .test_zeromq_wire import DIVIDE, NAMED, Outsider, reply_of, serve_division
-from .test_zeromq_wire import e as everything
-from .test_zeromq_wire import header as head
+from .test_wire import DIVIDE, NAMED, Outsider, reply_of, serve_division
+from .test_wire import e as everything
+from .test_wire import header as head
 
 
 class Keys:

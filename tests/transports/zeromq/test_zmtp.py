@@ -24,7 +24,7 @@ from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.transports.zeromq.zmtp import Feed, Garbled, Gone, Stream
 from robocomp_py.wire.arrays import snapshot
 
-from .test_zeromq_faults import GREETING, ready
+from .test_faults import GREETING, ready
 
 SIZES = (0, 1, 253, 254, 255, 256, 257, 8191, 8193, 16_384, 65_535, 65_536, 70_000, 3_000_000)
 ARRAYS = Struct("Arrays", (Field("octets", Sequence(UINT8)), Field("numbers", Sequence(FLOAT64))))

@@ -32,9 +32,9 @@ from robocomp_py.transports.zenoh.tls import client_settings
 from robocomp_py.transports.zenoh.transport import ZenohTransport
 from tests.freeports import free_port
 
-from ..deploy.security_network import DAY, NOW, addressed, made, network, way
-from .test_zenoh import joined
-from .test_zeromq_far import DIVIDE, MOVE, Tap, divide, quotient
+from ...deploy.security_network import DAY, NOW, addressed, made, network, way
+from ..zeromq.test_far import DIVIDE, MOVE, Tap, divide, quotient
+from .test_transport import joined
 
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)
 NEWS = Channel("robot/camera/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text), LATCHED)

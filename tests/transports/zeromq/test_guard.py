@@ -24,8 +24,8 @@ from robocomp_py.transports.zeromq.frames import topic, welcome_topic
 from robocomp_py.transports.zeromq.sockets import new_socket, send_frames
 from robocomp_py.wire import header as head
 
-from .. import strangers
-from .test_zeromq_far import DIVIDE, NEWS, Hosts, all_keys, divide, hosts, keys, news, quotient
+from ... import strangers
+from .test_far import DIVIDE, NEWS, Hosts, all_keys, divide, hosts, keys, news, quotient
 
 __all__ = ["all_keys", "hosts", "keys"]  # fixtures
 
