@@ -19,6 +19,7 @@ from .live import (
     add_definitions,
     add_middleware,
     nothing_published,
+    port,
     positive,
     reported,
     say,
@@ -66,15 +67,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     about = "a folder of `rc record`, or a file *.mcap, instead of what runs"
     completed(to.add_argument("--recording", type=Path, metavar="RECORDING", help=about), ".mcap")
     add_hosts(to, network=False)
-    to.add_argument("--port", type=_port, default=8765, metavar="PORT", help="0: any that is free (default: 8765)")
+    to.add_argument("--port", type=port, default=8765, metavar="PORT", help="0: any that is free (default: 8765)")
     to.add_argument("--for", dest="seconds", type=positive, metavar="SECONDS", help="end after this time")
     add_middleware(to)
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or not int(text) < 65536:
-        raise argparse.ArgumentTypeError(f"`{text}` is not a port; write a number from 0 to 65535")
-    return int(text)
 
 
 def run(options: argparse.Namespace) -> int:

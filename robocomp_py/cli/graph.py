@@ -83,7 +83,8 @@ def run(options: argparse.Namespace) -> int:
     endings = (".svg", ".png", ".dot", ".mmd") if kind == ".ddsl" else (".svg", ".png")
     if ending not in endings:
         what = "a network" if kind == ".ddsl" else "a state machine"
-        return complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; use one of these")
+        complain(f"rc graph: {output}: {what} is drawn as {', '.join(endings)}; use one of these")
+        return USAGE
     drawn = _network(options, ending) if kind == ".ddsl" else _machine(options)
     return drawn if isinstance(drawn, int) else _written(drawn, output)
 
@@ -131,7 +132,8 @@ def _live(options: argparse.Namespace, ending: str) -> int:
     from ..tools.monitor.view import picture
 
     if ending not in (".svg", ".png"):
-        return complain(f"rc graph: {options.output}: what runs is drawn as .svg, .png; use one of these")
+        complain(f"rc graph: {options.output}: what runs is drawn as .svg, .png; use one of these")
+        return USAGE
     if options.middleware or options.set:
         print("rc graph: --live shows what runs: leave out --middleware and --set", file=sys.stderr)
         return USAGE

@@ -63,7 +63,7 @@ def port(text: str) -> int:
     """The number of a port; 0: any free one."""
     number = int(text) if text.isascii() and text.isdecimal() else -1
     if not 0 <= number < 65536:
-        raise argparse.ArgumentTypeError(f"`{text}` is no port; write a number up to 65535")
+        raise argparse.ArgumentTypeError(f"`{text}` is not a port; write a number from 0 to 65535")
     return number
 
 

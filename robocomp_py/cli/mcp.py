@@ -59,10 +59,12 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ..tools.census import check_names
     from ..tools.mcp import need_mcp
 
     with reported("rc mcp") as code:
         need_mcp()
+        check_names(options.middleware)
         if sys.stdin.isatty():
             print("rc mcp: a client of MCP starts this, and talks to it; see docs/guides/mcp.md", file=sys.stderr)
             return USAGE

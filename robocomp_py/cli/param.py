@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .common import FINE, print_table, sleep_while_read
 from .completing import What, completed
@@ -217,7 +217,7 @@ def _describe(at: _At, options: argparse.Namespace) -> int:
     for each in chosen:
         comment = " ".join(each.comment.split())
         if options.json:
-            print(json.dumps(_plain(each)))
+            print(json.dumps({"component": at.one, **params.plain(each)}))
         rows.append(
             (each.name, each.value, params.allowed(each), each.initial, "dynamic" if each.editable else "", comment)
         )
@@ -309,9 +309,3 @@ def _named(found: list[Setting], name: str) -> Setting:
     if name not in known:
         raise Absent(unknown("parameter", name, known))
     return known[name]
-
-
-def _plain(setting: Setting) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return asdict(setting)

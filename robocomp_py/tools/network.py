@@ -370,10 +370,14 @@ class Network:
     def closest(self, name: str, pattern: Pattern | None = None) -> str:
         """The name of a channel that is provided, or of a part of it, that was meant by a misspelt one, or "".
 
-        With a pattern, only channels of that pattern are meant.
+        A name that leaves out a part, such as `world/pushLaserData`, means the only channel that has the others. With a
+        pattern, only channels of that pattern are meant.
         """
         fitting = [each for each in self.channels.values() if pattern in (None, each.pattern)]
         provided = [each.name for each in fitting if each.providers]
+        shortened = [each for each in provided if _leaves_out(name.strip("/").split("/"), each.split("/"))]
+        if len(shortened) == 1:
+            return shortened[0]
         parts = {"/".join(each.split("/")[-count:]) for each in provided for count in (1, 2, 3)}
         parts |= {part for each in provided for part in each.split("/")}
         parts |= {each.rpartition("/")[0] for each in provided}
@@ -398,6 +402,12 @@ class Network:
             return f"`{name}` is an action; `rc action` begins, shows and cancels its goals"
         near = self.closest(name)
         return f"`{name}` is not there; " + (f"did you mean `{near}`?" if near else "`rc list --channels` shows all")
+
+
+def _leaves_out(words: Sequence[str], parts: Sequence[str]) -> bool:
+    """Whether several words are parts of a name, in their order, with others between them."""
+    rest = iter(parts)
+    return len(words) > 1 and all(word in rest for word in words)
 
 
 @lru_cache(maxsize=1)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import yaml
@@ -80,19 +81,29 @@ def allowed(setting: Setting) -> str:
     return f"{setting.type}, {setting.minimum} to {setting.maximum}" if setting.minimum else setting.type
 
 
+def plain(setting: Setting) -> dict[str, Any]:
+    """All that is known of it, as in JSON. Without a range, `minimum` and `maximum` are ""."""
+    values = {name: _typed(setting.type, getattr(setting, name)) for name in ("value", "initial", "minimum", "maximum")}
+    return asdict(setting) | values
+
+
 def typed(setting: Setting) -> Any:
     """Its value as in JSON and YAML; the text itself if it is not a value of its type."""
+    return _typed(setting.type, setting.value)
+
+
+def _typed(kind: str, text: str) -> Any:
     try:
-        match setting.type:
+        match kind:
             case "int":
-                return int(setting.value)
+                return int(text)
             case "float":
-                return float(setting.value)
+                return float(text)
             case "bool":
-                return {"true": True, "false": False}[setting.value.lower()]
+                return {"true": True, "false": False}[text.lower()]
     except (ValueError, KeyError):
         pass
-    return setting.value
+    return text
 
 
 # Files of ROS 2.

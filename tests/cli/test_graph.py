@@ -107,20 +107,21 @@ def test_without_what_makes_pixels_it_is_said_what_to_install(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "code", "said"),
     [
         (
             ["game.cdsl"],
+            1,
             "game.cdsl is neither the file of a network nor of a state machine; give it .ddsl, .smdsl or .scxml",
         ),
-        (["game.smdsl", "-o", "game.dot"], "game.dot: a state machine is drawn as .svg, .png; use one of these"),
-        (["net.ddsl", "-o", "net.jpg"], "net.jpg: a network is drawn as .svg, .png, .dot, .mmd; use one of these"),
-        (["game.smdsl", "-o", "nowhere/game.svg"], "nowhere/game.svg: No such file or directory"),
-        (["missing.smdsl"], "cannot be read: No such file or directory"),
+        (["game.smdsl", "-o", "game.dot"], 2, "game.dot: a state machine is drawn as .svg, .png; use one of these"),
+        (["net.ddsl", "-o", "net.jpg"], 2, "net.jpg: a network is drawn as .svg, .png, .dot, .mmd; use one of these"),
+        (["game.smdsl", "-o", "nowhere/game.svg"], 1, "nowhere/game.svg: No such file or directory"),
+        (["missing.smdsl"], 1, "cannot be read: No such file or directory"),
     ],
 )
-def test_what_cannot_be_done_is_said(folder: Path, capsys: Said, arguments: list[str], said: str) -> None:
-    assert rc(["graph", *arguments]) == 1
+def test_what_cannot_be_done_is_said(folder: Path, capsys: Said, arguments: list[str], code: int, said: str) -> None:
+    assert rc(["graph", *arguments]) == code
     assert said in capsys.readouterr().err
 
 
@@ -144,7 +145,7 @@ def test_what_is_declared_and_does_not_run_is_drawn_as_missing(network: Path, ca
         (["nowhere", "--live"], 1, "network `nowhere` is not running on this machine; give it a DDSL file"),
         (["nowhere.ddsl", "--live"], 1, "nowhere.ddsl cannot be read"),
         (["net.ddsl", "--live", "--middleware", "dds"], 2, "--live shows what runs: leave out --middleware and --set"),
-        (["net.ddsl", "--live", "-o", "net.dot"], 1, "net.dot: what runs is drawn as .svg, .png; use one of these"),
+        (["net.ddsl", "--live", "-o", "net.dot"], 2, "net.dot: what runs is drawn as .svg, .png; use one of these"),
     ],
 )
 def test_what_cannot_be_drawn_alive_is_told(

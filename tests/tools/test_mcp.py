@@ -406,17 +406,18 @@ def test_a_client_starts_rc_mcp_for_a_network_that_runs(network: dict[str, Any],
 
 
 @pytest.mark.parametrize(
-    ("arguments", "why"),
+    ("arguments", "code", "why"),
     [
-        (["nothing"], "network `nothing` is not running on this machine; start it: rcdeploy up FILE.ddsl"),
-        (["missing.ddsl"], "missing.ddsl cannot be read"),
+        (["nothing"], 1, "network `nothing` is not running on this machine; start it: rcdeploy up FILE.ddsl"),
+        (["missing.ddsl"], 1, "missing.ddsl cannot be read"),
+        (["nothing", "--middleware", "smoke"], 2, "unknown middleware `smoke`"),
     ],
 )
-def test_a_network_that_does_not_run_is_told(
-    arguments: list[str], why: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_what_cannot_be_served_is_told(
+    arguments: list[str], code: int, why: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    assert rc.main(["mcp", *arguments]) == 1
+    assert rc.main(["mcp", *arguments]) == code
     assert why in capsys.readouterr().err
 
 

@@ -174,6 +174,7 @@ def test_a_part_of_a_name_is_enough(name: str) -> None:
         ("Everythin", "`Everythin` is not there; did you mean `Everything`?"),
         ("wrld/Everything", "did you mean `world/Everything`?"),
         ("thing/news", "did you mean `Everything/news`?"),
+        ("world/news", "did you mean `world/Everything/news`?"),
         ("elephant", "`rc list --channels` shows all"),
     ],
 )
