@@ -24,6 +24,8 @@ settings.load_profile("patient")
 
 remember()
 
+os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/tmp")  # of `tmp_path`, also if TMPDIR is long: sockets are in there
+
 for each in (signal.SIGINT, signal.SIGHUP):  # `pytest &` and nohup ignore them, and so would all that tests start
     if signal.getsignal(each) is signal.SIG_IGN:
         signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)

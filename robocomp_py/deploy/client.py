@@ -30,6 +30,9 @@ from .sockets import connected
 ANSWER_TIMEOUT_S = 5.0
 """Seconds within which a controller answers; none of its other work takes long."""
 
+AGAIN_S = 5.0
+"""Seconds for which a connection that is lost before the answer is made again."""
+
 LOOK_S = 0.1
 """Seconds between two checks of progress."""
 
@@ -152,7 +155,7 @@ class Connection(Closing):
         A connection that is lost before the answer is made again: other clients may have taken its place. A request
         that rcdeploy has read is always answered, so none is carried out twice.
         """
-        end = time.monotonic() + ANSWER_TIMEOUT_S
+        end = time.monotonic() + AGAIN_S
         while True:
             if self._told(do, **more) and (answer := self.answer(ANSWER_TIMEOUT_S)) is not None:
                 return answer
@@ -160,7 +163,7 @@ class Connection(Closing):
 
     def tell(self, do: str, **more: Any) -> None:
         """Send a request. Raises the same errors as making a connection."""
-        end = time.monotonic() + ANSWER_TIMEOUT_S
+        end = time.monotonic() + AGAIN_S
         while not self._told(do, **more):
             self._retry_until(end)
 
@@ -486,7 +489,7 @@ def _answers(
     connection: Connection, names: Collection[str], count: int, *, follow: bool, **more: bool
 ) -> Iterator[Line | None]:
     """None at the end of the past."""
-    end, heard = time.monotonic() + ANSWER_TIMEOUT_S, False
+    end, heard = time.monotonic() + AGAIN_S, False
     connection.tell("logs", names=list(names), count=count, follow=follow, **more)
     while True:
         answer = connection.answer(None if follow else ANSWER_TIMEOUT_S)

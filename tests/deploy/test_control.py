@@ -277,7 +277,7 @@ def closing() -> Iterator[Place]:
 def test_a_lost_connection_does_not_mean_that_the_network_ended(
     closing: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "ANSWER_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(client, "AGAIN_S", 0.3)
     with Connection("home") as connection:
         with pytest.raises(Stuck, match=r"`home` runs \(process \d+\), but it closed the connection .* too many"):
             connection.status()

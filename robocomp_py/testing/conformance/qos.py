@@ -127,13 +127,12 @@ class QoSConformance(TransportSuite):
             assert subscribed.told == [Lost(_channel(name), 1, total) for total in range(1, losses + 2)]
 
     def test_a_publisher_that_came_back_may_be_lost_again(self, there: Transport, name: str) -> None:
-        qos = QoS(lease=4 * _SHORT)
-        if refuses(there, qos):
+        if refuses(there, _AUTOMATIC):
             return
-        with _Subscribed(there, name, qos) as subscribed:
+        with _Subscribed(there, name, _AUTOMATIC) as subscribed:
             for _ in range(2):
                 transport = self.open_transport()
-                _publish(transport, name, qos)
+                _publish(transport, name, _AUTOMATIC)
                 wait_until(lambda: subscribed.alive() == [_channel(name)])
                 transport.close()
                 wait_until(lambda: not subscribed.alive())

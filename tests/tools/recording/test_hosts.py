@@ -110,13 +110,10 @@ def test_topics_of_two_hosts_are_in_one_recording(tmp_path: Path, capsys: pytest
     }
     (host,) = told["hosts"]
     messages = read(tmp_path / "run")
-    assert host == {
-        "host": "base",
-        "messages": len(messages[CHANNEL]),
-        "lost": 0,
-        "dropped": 0,
-        "unreachable": "",
-    }
+    numbers = [number for _, _, number, _ in messages[CHANNEL]]
+    missing = numbers[-1] + 1 - numbers[0] - len(numbers)  # none, unless the machine is very busy
+    assert host.pop("lost") + host.pop("dropped") >= missing
+    assert host == {"host": "base", "messages": len(numbers), "unreachable": ""}
     assert messages["here/Everything/news"]
     for came, sent, number, (counted, text) in messages[CHANNEL]:
         assert 0 <= came - sent < 60e9
