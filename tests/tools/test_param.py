@@ -93,7 +93,7 @@ def test_a_change_without_a_value_is_a_wrong_usage(tuned: Any, capsys: pytest.Ca
 def test_ranges_and_comments_are_described(tuned: Any, capsys: pytest.CaptureFixture[str]) -> None:
     told = json.loads(said(capsys, "param", "describe", "tuned", "max_speed", "--json", *OVER))
     assert (told["component"], told["name"], told["type"]) == ("robot1/tuned", "max_speed", "float")
-    assert (told["value"], told["minimum"], told["maximum"], told["editable"]) == (0.8, 0.0, 2.0, True)
+    assert (told["value"], told["minimum"], told["maximum"], told["editable"]) == (0.5, 0.0, 2.0, True)
     assert "float, 0.0 to 2.0" in said(capsys, "param", "describe", "tuned", *OVER)
     assert "did you mean `device`" in complained(capsys, "param", "describe", "tuned", "devise", *OVER)
 
