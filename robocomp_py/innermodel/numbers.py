@@ -88,6 +88,16 @@ def _amiss_in_numbers(attribute: Attribute, values: tuple[Value, ...], text: str
     return "is 0 for an axis, which leaves nothing of a mesh" if attribute.name == "scale" and 0 in numbers else ""
 
 
+def amiss_in_range(tag: str, low: float, high: float) -> str:
+    """What is wrong with `min` and `max` of a node with this tag; "" if nothing is wrong."""
+    if tag != "laser":
+        return f"`min` is {low:g}, more than `max`, which is {high:g}" if high < low else ""
+    if low < 0.0 or high < 0.0:
+        return f"`{'min' if low < 0.0 else 'max'}` is negative"
+    is_empty = 0.0 < high <= low  # if `max` is 0, the laser sees nothing
+    return f"`min` is {low:g}, not less than `max`, which is {high:g}" if is_empty else ""
+
+
 def written(number: float) -> str:
     """A number as a person writes it: `90`, `1.570796`."""
     text = f"{number:.6f}".rstrip("0").rstrip(".")

@@ -463,7 +463,8 @@ class _Values:
             if attribute.name != name:
                 element.spans[attribute.name] = element.spans[name]
         element.values = {name: element.written.get(name, each.default) for name, each in known.items()}
-        if element.tag.name == "laser" and not (element.values["measures"] and element.values["max"]):
+        is_blind = element.tag.name == "laser" and not (element.values["measures"] and element.values["max"])
+        if is_blind and texts.keys() <= known.keys():  # else one of these may be misspelt
             self._warning("without-effect", "the laser sees nothing: it needs `measures`, `angle` and `max`")
         if element.tag.name == INCLUDE and not element.values["path"]:
             self._reader.error("wrong-value", "<include> has no `path`", element.place)

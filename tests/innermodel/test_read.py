@@ -34,6 +34,11 @@ def test_an_unknown_attribute_is_told_where_its_name_stands(tmp_path: Path) -> N
     assert (tmp_path / "house.xml").read_bytes()[problem.place.start : problem.place.end] == b"ty2"
 
 
+def test_a_laser_with_a_misspelt_attribute_is_told_that_alone(tmp_path: Path) -> None:
+    (problem,) = model(tmp_path, '<laser id="a" mesures="9" max="9"/>').problems
+    assert (problem.code, problem.hint) == ("unknown-attribute", "did you mean `measures`?")
+
+
 def test_every_attribute_of_every_tag_is_read(tmp_path: Path) -> None:
     for tag in TAGS.values():
         texts = " ".join(

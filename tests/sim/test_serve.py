@@ -288,7 +288,7 @@ def test_meshes_without_a_file_are_told_when_a_component_is_written(
     [
         ("<innerModel>\n  <lazer id='a'/>\n</innerModel>", "room.xml:2:3: unknown tag <lazer>; did you mean <laser>?"),
         (None, "room.xml:1:1: the file cannot be read: there is no such file; set the parameter `scene` to the file"),
-        (SCENE.replace('measures="2"', 'measures="2" min="9000"'), "room.xml:5:40: `front`: a laser needs `measures`"),
+        (SCENE.replace('measures="2"', 'measures="2" min="9000"'), "room.xml:5:40: `front`: `min` is 9000, not less"),
         (SCENE.replace('id="front"', 'id="front laser"'), "room.xml:5:40: `front laser`: the id of a device names an"),
         (SCENE.replace("<laser", "<mesh id='cup' file='cup.obj'/><laser", 1), "room.xml:5:40: `cup`: there is no file"),
     ],
@@ -331,6 +331,13 @@ def test_a_component_names_the_settings_that_leave_out_missing_meshes_and_has_th
     [
         ('<innerModel><lazer id="a"/></innerModel>', "house", "unknown tag"),
         ('<innerModel><transform id="a"/></innerModel>', "house", "no device that can be provided"),
+        (SCENE.replace('measures="2"', 'measures="2" min="6000"'), "house", "`min` is 6000, not less than `max`"),
+        (SCENE.replace('measures="2"', 'measures="2" min="-1"'), "house", "room.xml:5:40: `front`: `min` is negative"),
+        (
+            SCENE.replace('<laser id="off"/>', '<joint id="off" min="2" max="1"/>'),
+            "house",
+            "`min` is 2, more than `max`",
+        ),
         (SCENE.replace('"front"', '"front laser"'), "house", "`front laser`: the id of a device names an instance"),
         (SCENE, "two words", "is not a component name"),
         (SCENE, "class", "is a Python keyword"),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...innermodel.nodes import DEVICES
-from ...innermodel.numbers import written
+from ...innermodel.numbers import amiss_in_range, written
 from ...innermodel.read import Element, found_file, number_of, numbers_of
 from ...spelling import closest
 from ...wire.names import is_segment
@@ -46,12 +47,7 @@ def _limits(element: Element) -> Iterator[Implausible]:
     if not {"min", "max"} <= element.written.keys() or _negative(element):
         return
     low, high = number_of(element.written["min"]), number_of(element.written["max"])
-    if element.tag.name == "laser":
-        is_wrong, relation = 0.0 < high <= low, "not less"  # the reader reports that it has no `max`
-    else:
-        is_wrong, relation = high < low, "more"
-    if is_wrong:
-        text = f"`min` is {low:g}, {relation} than `max`, which is {high:g}"
+    if text := amiss_in_range(element.tag.name, low, high):
         yield Implausible("wrong-value", "min", text, "the smaller one is `min`", Severity.ERROR)
 
 
@@ -113,7 +109,8 @@ def _file(element: Element) -> Iterator[Implausible]:
 def _id(element: Element) -> Iterator[Implausible]:
     is_provided = element.values.get("measures") != 0 and element.values.get("width") != 0
     if element.tag.name in DEVICES and is_provided and element.id.strip() and not is_segment(element.id):
-        meant = re.sub("[^A-Za-z0-9_-]", "_", element.id)
+        plain = unicodedata.normalize("NFKD", element.id).encode("ascii", "ignore").decode() or element.id
+        meant = re.sub("[^A-Za-z0-9_-]", "_", plain)
         meant = meant if is_segment(meant) else f"_{meant}"
         text = f"`{element.id}` cannot be the name of an instance, as a component that simulates the scene needs it"
         yield Implausible("unfit-id", "id", text, f"did you mean `{meant}`?")

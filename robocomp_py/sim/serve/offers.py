@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
+from ...innermodel.numbers import amiss_in_range
 from ...innermodel.read import InnerModelError, number_of
 from ...innermodel.tree import Tree
 from ...wire.names import is_segment
@@ -27,6 +28,11 @@ LIDAR = ("Lidar3D", "Lidar3DPub")
 
 BASES = ("differentialrobot", "omnirobot")
 
+JOINTS = ("joint", "prismaticjoint")
+
+RANGED = (*JOINTS, "laser")
+"""What works between `min` and `max`."""
+
 MOTORS = ("JointMotor", "JointMotorPub")
 """The interfaces of the joints of one port."""
 
@@ -42,7 +48,7 @@ def motors(tree: Tree) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name in tree.ids:
         node = tree.node(name)
-        if node.tag in ("joint", "prismaticjoint"):
+        if node.tag in JOINTS:
             port = node.values["port"]
             found.setdefault(f"joints{port}" if port else "joints", []).append(name)
     return found
@@ -54,11 +60,16 @@ def offers(tree: Tree, lidars: Collection[str] = ()) -> dict[str, tuple[str, ...
     `lidars` are the lasers that have several fans, which no file says. A laser without rays has no interfaces, nor has
     a camera without a width.
 
-    Raises InnerModelError for an id that cannot be the name of an instance.
+    Raises InnerModelError for an id that cannot be the name of an instance, and for a joint or laser whose range is
+    empty.
     """
     found: dict[str, tuple[str, ...]] = {}
     for name in tree.ids:
         node = tree.node(name)
+        if node.tag in RANGED:
+            low, high = number_of(node.values["min"]), number_of(node.values["max"])
+            if wrong := amiss_in_range(node.tag, low, high):
+                raise InnerModelError(f"`{name}`: {wrong}", node=name)
         if node.tag in INTERFACES and node.values.get("measures") != 0 and node.values.get("width") != 0:
             if not is_segment(name):
                 raise InnerModelError(
