@@ -19,8 +19,8 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
 
-from ..runtime.test_run import make, running
-from ..virtual.test_simulation import part
+from ..runtime.running import make, running
+from ..virtual.parts import part
 
 
 class PilotProxy(ActionProxy):

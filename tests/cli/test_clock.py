@@ -16,7 +16,7 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Diary
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from .test_every_command import ended
 
 Said = pytest.CaptureFixture[str]

@@ -25,9 +25,8 @@ from robocomp_py.tools.recording.bag import BagWriter, Options
 from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Tuned
-from ..runtime.test_middlewares import Station
-from ..runtime.test_run import make, running
+from ..runtime.components import Station, Tuned
+from ..runtime.running import make, running
 from ..tools import elsewhere
 
 BIN = Path(sys.executable).parent

@@ -10,7 +10,7 @@ from robocomp_py.cli import rcgen
 from robocomp_py.runtime.load import load_worker
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 
 IDSL = """
 module RoboCompPilot

@@ -40,9 +40,8 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.network import NotUnderstood
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Diary
-from ..runtime.test_middlewares import MIDDLEWARES, Station
-from ..runtime.test_run import make, running
+from ..runtime.components import MIDDLEWARES, Diary, Station
+from ..runtime.running import make, running
 from ..tools import talkers
 from ..tools.talkers import Listener
 from ..tools.terse import INTERFACE, terse

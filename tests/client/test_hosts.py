@@ -21,7 +21,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from ..tools import elsewhere
 from ..tools.talkers import Talker
 

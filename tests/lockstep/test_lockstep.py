@@ -19,10 +19,9 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
 
-from ..runtime.components import Calculator, Diary, EverythingProxy, EverythingPublisher
-from ..runtime.test_middlewares import MIDDLEWARES
-from ..runtime.test_run import make, running
-from ..virtual.test_simulation import part
+from ..runtime.components import MIDDLEWARES, Calculator, Diary, EverythingProxy, EverythingPublisher
+from ..runtime.running import make, running
+from ..virtual.parts import part
 
 
 class Sun(Diary):

@@ -17,9 +17,9 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
 
-from ..runtime.test_middlewares import MIDDLEWARES
-from ..runtime.test_run import make, running
-from ..virtual.test_simulation import part
+from ..runtime.components import MIDDLEWARES
+from ..runtime.running import make, running
+from ..virtual.parts import part
 
 RELIABLE = PRESETS["services_default"]
 

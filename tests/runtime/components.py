@@ -8,10 +8,14 @@ from typing import Any, ClassVar
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.contract.parameters import Parameter, ParameterKind, Parameters, ParameterSet
+from robocomp_py.contract.qos import PRESETS
 from robocomp_py.runtime.ports import Proxy
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON
+
+MIDDLEWARES = ("inproc", "zeromq", "dds", "zenoh", "shm")
+RELIABLE = PRESETS["services_default"]
 
 
 class EverythingProxy(Proxy):
@@ -127,3 +131,20 @@ Params.__spec__ = PARAMS
 
 class Tuned(Diary):
     component = Component("tuned", params=PARAMS, period=0.005)
+
+
+class Station(Calculator):
+    """Serves, and publishes what it was poked with."""
+
+    component = Component(
+        "station",
+        (
+            Port(Verb.IMPLEMENTS, e.EVERYTHING),
+            Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=RELIABLE),
+        ),
+        period=0.005,
+    )
+    everything_proxy: EverythingPublisher
+
+    def Everything_poke(self, number: int) -> None:
+        self.everything_proxy.news(number, "poked")

@@ -17,7 +17,7 @@ from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import find_transport
 from robocomp_py.virtual.simulation import Simulation
 from tests.transports.over import OverDDS, OverInproc, OverShm, OverZenoh, OverZeroMQ
-from tests.virtual.test_simulation import part
+from tests.virtual.parts import part
 
 
 @pytest.fixture(autouse=True)

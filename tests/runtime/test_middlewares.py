@@ -10,35 +10,14 @@ import pytest
 
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
-from robocomp_py.contract.qos import PRESETS
 from robocomp_py.errors import Timeout
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import Channel, Transport, TransportConfig, TransportFactory, find_transport
 
-from .components import Calculator, Diary, EverythingProxy, EverythingPublisher
-from .test_run import make, running
-
-MIDDLEWARES = ("inproc", "zeromq", "dds", "zenoh", "shm")
-RELIABLE = PRESETS["services_default"]
-
-
-class Station(Calculator):
-    """Serves, and publishes what it was poked with."""
-
-    component = Component(
-        "station",
-        (
-            Port(Verb.IMPLEMENTS, e.EVERYTHING),
-            Port(Verb.PUBLISHES, e.EVERYTHING, proxy=EverythingPublisher, qos=RELIABLE),
-        ),
-        period=0.005,
-    )
-    everything_proxy: EverythingPublisher
-
-    def Everything_poke(self, number: int) -> None:
-        self.everything_proxy.news(number, "poked")
+from .components import MIDDLEWARES, RELIABLE, Diary, EverythingProxy, EverythingPublisher, Station
+from .running import make, running
 
 
 class Visitor(Diary):

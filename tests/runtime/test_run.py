@@ -18,7 +18,7 @@ from robocomp_py import __version__
 from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.errors import Closed, ComponentError, ConfigurationError, RemoteFailure, Timeout, Unreachable
-from robocomp_py.runtime import ports, settings
+from robocomp_py.runtime import ports
 from robocomp_py.runtime.commonbehavior import MOST_CHANGES
 from robocomp_py.runtime.lifecycle import State
 from robocomp_py.runtime.monitor import Monitor
@@ -26,7 +26,6 @@ from robocomp_py.runtime.RoboCompCommonBehavior import COMMONBEHAVIOR_INTERFACE,
 from robocomp_py.runtime.RoboCompCommonBehavior import Parameter as Told_
 from robocomp_py.runtime.RoboCompCommonBehavior import State as Told
 from robocomp_py.runtime.route import Route
-from robocomp_py.runtime.run import Running
 from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON, wait_until
@@ -34,6 +33,7 @@ from robocomp_py.transports.base import Transport, TransportConfig, TransportFac
 from robocomp_py.transports.inproc import InprocTransport
 
 from .components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil, Stuck, Tuned
+from .running import make, running
 
 _buses = itertools.count()
 
@@ -46,30 +46,6 @@ def find() -> Callable[[str], TransportFactory]:
 
 
 async def _async_hook(self: object) -> None: ...
-
-
-def make(worker: type[Worker[Any]], find: Callable[[str], TransportFactory], *sets: str, name: str = "") -> Running:
-    document = settings.Document()
-    for assignment in sets:
-        settings.override(document, assignment)
-    return Running(worker, settings.check(worker.component, document, name or None), find)
-
-
-@contextmanager
-def running(made: Running, *, ready: bool = True) -> Iterator[Any]:
-    """The worker, while the component runs; `outcome` has what `run` returned."""
-    outcome: list[bool] = []
-    thread = threading.Thread(target=lambda: outcome.append(made.run()))
-    thread.start()
-    try:
-        if ready:
-            wait_until(lambda: made.ready.is_set() or not thread.is_alive())
-        yield made.worker
-    finally:
-        made.stop()
-        thread.join(3 * SOON)
-        assert not thread.is_alive()
-        made.worker.outcome = outcome[0]  # type: ignore[attr-defined]
 
 
 def test_a_life_without_incidents(find: Any) -> None:

@@ -23,8 +23,9 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from . import test_run
 from .components import Calculator, Diary, EverythingPublisher, Pupil
+from .running import make as make_real
+from .running import running
 
 _buses = itertools.count()
 
@@ -231,8 +232,8 @@ def test_a_sleep_ends_when_the_component_is_stopped(find: Any) -> None:
         def finish(self) -> None:
             self.entries.append(str(self.sleep(0.001)))
 
-    made = test_run.make(Sleeper, find)
-    with test_run.running(made) as worker:
+    made = make_real(Sleeper, find)
+    with running(made) as worker:
         wait_until(lambda: made.monitor.load == (0, 1))
     assert worker.entries == ["initialize", "False", "True"]
 
@@ -243,8 +244,8 @@ def test_handlers_may_run_while_a_component_sleeps(find: Any) -> None:
             super().compute()
             self.sleep(1000.0)
 
-    made = test_run.make(Sleeper, find)
-    with test_run.running(made) as worker, test_run.running(test_run.make(Pupil, find)) as pupil:
+    made = make_real(Sleeper, find)
+    with running(made) as worker, running(make_real(Pupil, find)) as pupil:
         wait_until(lambda: made.monitor.load == (0, 1))
         assert pupil.everything_proxy.divide(7, 2) == (3, 1)
     assert worker.entries == ["initialize", "compute", "finish"]

@@ -15,7 +15,7 @@ from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import find_transport
 
 from .components import Calculator, Pupil
-from .test_run import make, running
+from .running import make, running
 
 DAY = 24 * 3600 * 10**9
 

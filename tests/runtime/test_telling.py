@@ -28,9 +28,9 @@ from robocomp_py.tools.tap import tapped
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
-from ..tools.test_commands import TELLERS
+from ..tools.commands import TELLERS
 from .components import Calculator, Pupil, Stuck
-from .test_run import make, running
+from .running import make, running
 
 OVER = "middleware=shm"
 

@@ -22,8 +22,9 @@ from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from . import test_run
 from .components import Diary
+from .running import make as make_real
+from .running import running
 from .test_steps import drive, make
 
 _buses = itertools.count()
@@ -259,8 +260,8 @@ def test_timers_run_while_compute_waits(find: Any) -> None:
             assert made.monitor.is_inside
             self.entries.append("poll")
 
-    made = test_run.make(Waiting, find)
-    with test_run.running(made) as worker:
+    made = make_real(Waiting, find)
+    with running(made) as worker:
         wait_until(lambda: worker.timers.poll.calls > 20)
         worker.after(0, partial(worker.entries.append, "later"))
         wait_until(lambda: "later" in worker.entries)
@@ -269,8 +270,8 @@ def test_timers_run_while_compute_waits(find: Any) -> None:
 
 def test_a_component_without_timers_has_no_thread_for_them_until_after_is_called(find: Any) -> None:
     """In real time."""
-    made = test_run.make(Diary, find)
-    with test_run.running(made) as worker:
+    made = make_real(Diary, find)
+    with running(made) as worker:
         assert not [each for each in threading.enumerate() if each.name == "diary-timers"]
         worker.after(0.001, partial(worker.entries.append, "later"))
         wait_until(lambda: "later" in worker.entries)

@@ -21,7 +21,7 @@ from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
 from .components import Diary, EverythingProxy, EverythingPublisher, Pupil, Stuck
-from .test_run import make, running
+from .running import make, running
 
 _SHORT = 0.05 * SCALE
 _DEADLINE = QoS(deadline=_SHORT)

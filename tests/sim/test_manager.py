@@ -20,7 +20,7 @@ from robocomp_py.testing.components import ComponentTest, load_component
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from .scenes import WEDGE, room_with
 
 SCENE = room_with('<rotation id="tilt"/>')

@@ -26,7 +26,7 @@ from robocomp_py.testing.patience import SOON
 from robocomp_py.transports.base import find_transport
 
 from ..leftovers import killed_on_failure
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from .scenes import WEDGE, room_with
 
 SCENE = room_with(

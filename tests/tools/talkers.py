@@ -6,8 +6,7 @@ from robocomp_py.contract.component import Component, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.testing import everything as e
 
-from ..runtime.components import Diary
-from ..runtime.test_middlewares import RELIABLE, Station
+from ..runtime.components import RELIABLE, Diary, Station
 
 
 class Talker(Station):

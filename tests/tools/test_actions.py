@@ -19,7 +19,7 @@ from robocomp_py.tools.actions import goals
 from robocomp_py.tools.census import take_census
 
 from ..client.pilot import flying
-from .test_commands import complained, said
+from .commands import complained, said
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -29,9 +29,9 @@ from robocomp_py.tools.network import Network
 from robocomp_py.transports.base import TransportConfig, find_transport
 
 from ..runtime.components import Calculator, Diary, Pupil, Stuck, Tuned
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
+from .commands import TELLERS, complained, said
 from .terse import serve
-from .test_commands import TELLERS, complained, said
 
 OVER = "middleware=shm"
 

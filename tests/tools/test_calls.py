@@ -22,10 +22,10 @@ from robocomp_py.transports.census import Told
 from robocomp_py.wire.cdr import Cdr
 
 from ..runtime.components import Calculator, Stuck
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from ..runtime.test_telling import Asking, Hasty
+from .commands import complained, said
 from .talkers import Talker
-from .test_commands import complained, said
 
 PATIENCE = ("--timeout", f"{5 * SOON:g}")
 

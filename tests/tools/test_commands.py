@@ -36,12 +36,10 @@ from robocomp_py.transports.directory import Directory, state_of
 from robocomp_py.transports.members import Entry
 from robocomp_py.transports.runtime_folder import runtime_dir
 
-from ..runtime.components import Calculator
-from ..runtime.test_middlewares import MIDDLEWARES, RELIABLE, Station
-from ..runtime.test_run import make, running
+from ..runtime.components import RELIABLE, Calculator, Station
+from ..runtime.running import make, running
+from .commands import TELLERS, complained, heard, said
 from .talkers import Listener, Talker
-
-TELLERS = [name for name in MIDDLEWARES if name != "inproc"]
 
 
 @pytest.fixture(params=TELLERS)
@@ -51,26 +49,6 @@ def talker(request: pytest.FixtureRequest) -> Iterator[Any]:
         wait_until(lambda: "talker/Everything/news" in take_census([request.param]).channels)
         worker.middleware_used = request.param
         yield worker
-
-
-def said(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> str:
-    """What a command prints."""
-    assert rc.main(list(arguments)) == code, capsys.readouterr()
-    return capsys.readouterr().out
-
-
-def complained(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 1) -> str:
-    assert rc.main(list(arguments)) == code, capsys.readouterr()
-    return capsys.readouterr().err
-
-
-def heard(capsys: pytest.CaptureFixture[str], *arguments: str, seconds: float) -> str:
-    """What a command says that listens for a while. In a short time, a busy machine may hear nothing."""
-    while rc.main([*arguments, "--for", f"{seconds:g}"]):
-        assert seconds < SOON * 3, capsys.readouterr()
-        seconds *= 4
-        capsys.readouterr()
-    return capsys.readouterr().out
 
 
 class Rude(Talker):

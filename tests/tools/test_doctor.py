@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import subprocess
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +16,6 @@ import pytest
 
 from robocomp_py.cli import rc
 from robocomp_py.cli.rcgen import main as rcgen
-from robocomp_py.contract.interface import Operation
 from robocomp_py.contract.qos import QoS, Reliability
 from robocomp_py.runtime.effective import toml
 from robocomp_py.runtime.RoboCompIntrospection import Description, Measure, Measures
@@ -43,41 +41,19 @@ from robocomp_py.tools.doctor.facts import (
     Weight,
     size,
 )
-from robocomp_py.tools.network import End, Network
+from robocomp_py.tools.network import End
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..runtime.components import Calculator, Pupil
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
+from .facts import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, asked, end, facts, findings, plan, way
 from .talkers import Talker
 
 GB = 1 << 30
 
 
-def end(
-    owner: str, role: str, channel: str, *, pid: int = 1, traits: str = "", operation: Operation[Any] | None = None
-) -> End:
-    meant = operation or (e.news if role in ("publishes", "subscribes") else e.divide)
-    return End("near", Told(owner, pid, role, channel, meant.fingerprint, meant.text, traits))
-
-
-def facts(*ends: End, **more: Any) -> Facts:
-    return Facts("here", network=Network(ends), **more)
-
-
-def findings(given: Facts, check: str) -> list[str]:
-    return [f"{finding.weight} {finding.text}: {finding.advice}" for _, finding in examine(given, [check])]
-
-
-def asked(name: str, measures: Measures | None = None, ends: Iterable[ToldEnd] = (), **more: Any) -> Asked:
-    return Asked(name, 1, "", Description(instance=name, host="here", ends=list(ends)), measures, **more)
-
-
-WORLD = end("world", "serves", "world/Everything/divide")
-HAND = end("hand", "calls", "world/Everything/divide", pid=2)
-NEWS = end("world", "publishes", "world/Everything/news", traits="-")
-EYE = end("eye", "subscribes", "*/Everything/news", pid=3)
 HEALTHY = facts(
     *(WORLD, HAND, NEWS, EYE),
     machine=Machine(
@@ -249,30 +225,6 @@ def test_a_stopped_process_is_found_and_so_is_one_that_hangs() -> None:
 
 
 # What is declared.
-
-
-def way(client: str, provider: str, channel: str, **more: Any) -> dict[str, Any]:
-    verb = "subscribesTo" if channel.endswith("news") else "requires"
-    told = {"client": client, "provider": provider, "channel": channel, "middleware": "near", "parts": [], "verb": verb}
-    return told | more
-
-
-def plan(*ways: dict[str, Any], hosts: dict[str, str] | None = None) -> dict[str, Any]:
-    instances = ["world", "hand", "eye"]
-    return {
-        "name": "house",
-        "ways": list(ways),
-        "processes": [{"name": name, "instances": [name], "host": (hosts or {}).get(name, "")} for name in instances],
-        "ours": {name: {"channels": name, "over": ["near 3"]} for name in instances},
-    }
-
-
-DIVIDE = way("hand", "world", "world/Everything/divide")
-HEARD = way("eye", "world", "world/Everything/news")
-THERE = [
-    end(name, "serves", f"{name}/CommonBehavior/getState", pid=pid)
-    for name, pid in (("world", 1), ("hand", 2), ("eye", 3))
-]
 
 
 def test_a_network_that_is_as_it_is_declared_is_fine() -> None:

@@ -25,8 +25,9 @@ from robocomp_py.transports.base import find_transport
 
 from ..faults.surroundings import with_clock
 from ..runtime.components import Calculator, Diary, EverythingProxy, EverythingPublisher
-from ..runtime.test_run import make, running
-from .test_commands import TELLERS, Listener
+from ..runtime.running import make, running
+from .commands import TELLERS
+from .talkers import Listener
 from .test_doctor import said
 
 Said = pytest.CaptureFixture[str]
@@ -147,7 +148,7 @@ VICTIM = """
 import sys
 from robocomp_py.transports.base import find_transport
 from tests.runtime.components import Calculator
-from tests.runtime.test_run import make
+from tests.runtime.running import make
 make(Calculator, find_transport, f"middleware={sys.argv[1]}", name="victim").run()
 """
 
@@ -184,7 +185,7 @@ import os
 from robocomp_py.cli import rc
 from robocomp_py.transports.base import find_transport
 from tests.runtime.components import Calculator
-from tests.runtime.test_run import make, running
+from tests.runtime.running import make, running
 with running(make(Calculator, find_transport, "middleware=shm")):
     free = os.statvfs("/dev/shm").f_bavail * os.statvfs("/dev/shm").f_frsize
     with open("/dev/shm/large", "wb") as file:

@@ -11,7 +11,7 @@ import pytest
 from robocomp_py.tools.drift import Presence, compare
 from robocomp_py.tools.network import End, Network
 
-from .test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan, way
+from .facts import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan, way
 
 
 def presences(*ends, of=None, tellers=None):  # type: ignore[no-untyped-def]

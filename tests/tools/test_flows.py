@@ -16,7 +16,7 @@ from robocomp_py.tools.flows import Flow, Told, flows, merged, without_subscribe
 from robocomp_py.tools.measure import load
 from robocomp_py.tools.network import Network
 
-from .test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, plan
+from .facts import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, plan
 
 DRIFT: Drift = compare(plan(DIVIDE, HEARD), Network((WORLD, HAND, NEWS, EYE, *THERE)))
 CALL, NEWS_HEARD = DRIFT.uses

@@ -23,8 +23,8 @@ from robocomp_py.transports.base import find_transport
 from ..deploy.networks import Standing, process
 from ..deploy.test_control import Running
 from ..runtime.components import Diary
-from ..runtime.test_run import make, running
-from .test_commands import complained, said
+from ..runtime.running import make, running
+from .commands import complained, said
 
 OVER = ("--middleware", "shm")
 

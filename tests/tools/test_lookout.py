@@ -21,8 +21,8 @@ from robocomp_py.tools.network import Network
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator
-from ..runtime.test_run import make, running
-from .test_doctor import plan, way
+from ..runtime.running import make, running
+from .facts import plan, way
 from .test_top import Asking
 
 PLAN = plan(way("pupil", "calculator", "desk/calculator/Everything/divide", middleware="shm")) | {

@@ -36,7 +36,7 @@ from robocomp_py.transports.base import find_transport
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Diary, Tuned
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from .talkers import Talker
 from .terse import INTERFACE, terse
 from .test_scout import Direct

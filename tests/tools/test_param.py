@@ -23,8 +23,8 @@ from robocomp_py.tools.census import take_census
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator, Tuned
-from ..runtime.test_run import make, running
-from .test_commands import complained, said
+from ..runtime.running import make, running
+from .commands import complained, said
 
 OVER = ("--middleware", "shm")
 

@@ -48,9 +48,10 @@ from robocomp_py.transports.runtime_folder import runtime_dir
 
 from ..client.pilot import flying
 from ..runtime.components import Calculator, Tuned
-from ..runtime.test_run import make, running
+from ..runtime.running import make, running
 from . import elsewhere
-from .test_commands import Listener, Talker, complained, heard, said
+from .commands import complained, heard, said
+from .talkers import Listener, Talker
 from .test_top import Asking
 
 NOWHERE = Post("nowhere", lambda: Direct())

@@ -27,8 +27,8 @@ from robocomp_py.tools.measure import Load, Operation
 from robocomp_py.transports.base import find_transport
 
 from ..runtime.components import Calculator, Diary, EverythingPublisher, Pupil
-from ..runtime.test_run import make, running
-from .test_commands import complained, said
+from ..runtime.running import make, running
+from .commands import complained, said
 
 
 class Asking(Pupil):

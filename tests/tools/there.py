@@ -9,9 +9,8 @@ from robocomp_py.contract.interface import Verb
 from robocomp_py.testing import everything as e
 from robocomp_py.transports.base import find_transport
 
-from ..runtime.components import Diary
-from ..runtime.test_middlewares import RELIABLE, Station
-from ..runtime.test_run import make, running
+from ..runtime.components import RELIABLE, Diary, Station
+from ..runtime.running import make, running
 
 HEARD: list[str] = []
 """What the listener was told from outside."""

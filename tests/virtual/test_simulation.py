@@ -11,27 +11,18 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from robocomp_py.contract.component import Component, PeriodicTimer, Port
 from robocomp_py.contract.interface import Verb
 from robocomp_py.errors import ComponentError, ConfigurationError, EncodeError, RobocompError, Timeout
-from robocomp_py.runtime import settings
-from robocomp_py.runtime.worker import Worker
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.patience import SOON
-from robocomp_py.virtual.simulation import MOST_ERRORS, Part, Simulation
+from robocomp_py.virtual.simulation import MOST_ERRORS, Simulation
 
 from ..runtime.components import Calculator, Diary, EverythingProxy, EverythingPublisher, Pupil
-
-
-def part(worker: type[Worker[Any]], name: str = "", **sets: str) -> Part:
-    document = settings.Document()
-    for key, value in sets.items():
-        settings.override(document, f"{key.replace('__', '.')}={value}")
-    return Part(worker, settings.check(worker.component, document, name or None))
+from .parts import part
 
 
 @pytest.fixture(autouse=True)

@@ -19,7 +19,7 @@ from robocomp_py.wire.items import MAX_ITEMS, counter
 from robocomp_py.wire.messagepack import MAX_TREE, MessagePack
 from robocomp_py.wire.stream import PIECE, SHORT
 
-from .test_codecs import every_wire, one
+from .codecs import every_wire, one
 
 NAMED = Struct("Test::Named", (Field("name", STRING), Field("others", Sequence(STRING))))
 KINDS: list[Type] = [

@@ -35,9 +35,9 @@ from robocomp_py.testing.everything import Colour, Nothing, Point
 from robocomp_py.wire.cdr import TAIL, Cdr
 from robocomp_py.wire.codec import MAX_BYTES
 
+from .codecs import RICH, one, rich
 from .messages import messages, patiently
 from .second_opinions import by_pycdr2, by_ros2, by_rosbags
-from .test_codecs import RICH, one, rich
 
 CODEC = Cdr()
 

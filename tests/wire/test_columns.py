@@ -32,7 +32,7 @@ from robocomp_py.testing import everything as e
 from robocomp_py.wire.cdr import Cdr
 from robocomp_py.wire.columns import has_columns
 
-from .test_codecs import one
+from .codecs import one
 
 COLUMNS, ENTRIES = Cdr(columns=True), Cdr()
 

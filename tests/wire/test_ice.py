@@ -45,8 +45,8 @@ from robocomp_py.wire.codec import MAX_BYTES
 from robocomp_py.wire.ice import Ice
 from robocomp_py.wire.values import RANGES
 
+from .codecs import RICH, one, rich
 from .messages import patiently
-from .test_codecs import RICH, one, rich
 
 CODEC = Ice()
 FAR = Enumeration("Test::Far", (("here", 0), ("last", 254), ("first", 255), ("farthest", 2**31 - 1)))

@@ -7,7 +7,7 @@ import numpy as np
 from robocomp_py.contract.types import FLOAT64, UINT8, Sequence
 from robocomp_py.wire.identity import Identity
 
-from .test_codecs import one
+from .codecs import one
 
 CODEC = Identity()
 MESSAGE = one(Sequence(FLOAT64))

@@ -33,10 +33,10 @@ from robocomp_py.testing.conformance import assert_same
 from robocomp_py.wire.codec import Codec
 from robocomp_py.wire.messagepack import MessagePack
 
+from .codecs import every_codec, every_wire, one, there_and_back
 from .messages import messages, patiently
 from .second_opinions import by_pycdr2, by_rosbags
 from .test_cdr import encoded
-from .test_codecs import every_codec, every_wire, one, there_and_back
 
 COUNTS = (0, 1, 31, 32, 33, 1000)
 """Few, many, and where that begins."""

@@ -37,7 +37,7 @@ from robocomp_py.wire.messagepack import MAX_TREE, MessagePack
 from robocomp_py.wire.packed_arrays import APART
 from robocomp_py.wire.stream import PIECE
 
-from .test_codecs import one, there_and_back
+from .codecs import one, there_and_back
 
 CODEC = MessagePack()
 POINT, COLOUR = Point.__contract__, Colour.__contract__

@@ -12,7 +12,7 @@ from robocomp_py.errors import DecodeError
 from robocomp_py.testing.everything import Arrays, Colour, Nested, Nothing, Point, Scalars
 from robocomp_py.wire.identity import Identity
 
-from .test_codecs import one
+from .codecs import one
 
 CODEC = Identity()
 

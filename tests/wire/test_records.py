@@ -42,8 +42,8 @@ from robocomp_py.wire.ice import Ice
 from robocomp_py.wire.identity import Identity
 from robocomp_py.wire.messagepack import MessagePack
 
+from .codecs import every_codec, every_wire
 from .messages import patiently
-from .test_codecs import every_codec, every_wire
 
 
 class Kind(IntEnum):

@@ -42,8 +42,8 @@ from robocomp_py.wire.codec import Codec
 from robocomp_py.wire.explain import explain
 from robocomp_py.wire.values import RANGES
 
+from .codecs import CODECS, every_codec, one, there_and_back
 from .oddities import FLOAT32_LIMIT, ODDITIES, Direction, Mood, Place, Text
-from .test_codecs import CODECS, every_codec, one, there_and_back
 
 TIME_MIN, TIME_MAX = RANGES[TIME]
 TIME_WORDS = f"an int, nanoseconds since 1970, from {TIME_MIN} to {TIME_MAX}"

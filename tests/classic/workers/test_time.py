@@ -16,7 +16,7 @@ from robocomp_py.testing.simulation import Simulation
 from robocomp_py.transports.base import find_transport
 
 from ...lockstep.test_lockstep import Sun, leading
-from ...runtime.test_run import make, running
+from ...runtime.running import make, running
 from .components import BARE, CLIENT, SERVER, Form, made
 
 TIMED = """\

@@ -21,7 +21,7 @@ from robocomp_py.tools.recording.bag import Options
 from robocomp_py.tools.recording.mend import mend
 from tests.interop.zeromq.test_node import run
 from tests.tools.recording.recorded import calls_and_logs, recorded
-from tests.tools.recording.test_recorder import filled
+from tests.tools.recording.recordings import filled
 from tests.wire.messages import messages, patiently
 from tests.wire.schemas import expected
 

@@ -19,7 +19,7 @@ from robocomp_py.sim.view.page import Page
 from robocomp_py.testing.patience import SOON
 from robocomp_py.tools.network import Network
 from robocomp_py.transports.base import find_transport
-from tests.runtime.test_run import make, running
+from tests.runtime.running import make, running
 from tests.sim.view.visitor import Visitor, visiting
 
 SCENE = """\

@@ -33,9 +33,8 @@ from robocomp_py.tools.recording.mend import mend
 from robocomp_py.transports.base import TransportConfig, TransportFactory
 from robocomp_py.transports.inproc import InprocTransport
 
-from ...runtime.components import EverythingProxy
-from ...runtime.test_middlewares import RELIABLE, Station
-from ...runtime.test_run import make, running
+from ...runtime.components import RELIABLE, EverythingProxy, Station
+from ...runtime.running import make, running
 
 _buses = itertools.count()
 

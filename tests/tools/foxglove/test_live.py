@@ -29,7 +29,7 @@ from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
 from ...leftovers import killed_on_failure
-from ...runtime.test_run import make, running
+from ...runtime.running import make, running
 from ..talkers import Talker
 from ..terse import INTERFACE, terse
 

@@ -19,7 +19,7 @@ from robocomp_py.tools.monitor.view import connections, picture, told
 from robocomp_py.tools.network import Network
 
 from ...graph.test_network import outline
-from ..test_doctor import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan
+from ..facts import DIVIDE, EYE, HAND, HEARD, NEWS, THERE, WORLD, end, plan
 
 SPY = end("spy", "subscribes", "world/Everything/news", pid=8)
 ALL = (WORLD, HAND, NEWS, EYE, *THERE)

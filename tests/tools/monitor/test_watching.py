@@ -13,7 +13,7 @@ from robocomp_py.tools.lookout import Look
 from robocomp_py.tools.monitor.server import Board, Shown
 from robocomp_py.tools.monitor.watching import watch
 
-from ..test_doctor import THERE
+from ..facts import THERE
 from .test_view import ALL
 from .test_view import look as look_at
 

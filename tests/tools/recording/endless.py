@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robocomp_py.tools.recording.bag import Options
 from robocomp_py.tools.recording.writer import Recorder
-from tests.tools.recording.test_recorder import news, told
+from tests.tools.recording.recordings import news, told
 
 SPLIT = 1_500_000
 

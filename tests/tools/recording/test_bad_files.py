@@ -17,8 +17,8 @@ from robocomp_py.tools.recording.bag import Attached, BagWriter, Note, Options, 
 from robocomp_py.tools.recording.mend import mend
 from robocomp_py.tools.recording.reader import Recording
 
-from .test_commands import said
-from .test_recorder import filled, news, numbers_in, told
+from ..commands import said
+from .recordings import filled, news, numbers_in, told
 
 OCTETS = 300_000
 

@@ -24,10 +24,10 @@ from robocomp_py.tools.recording.writer import Recorder
 from robocomp_py.transports.base import find_transport
 
 from ...runtime.components import Calculator
-from ...runtime.test_run import make, running
+from ...runtime.running import make, running
 from ...runtime.test_telling import Asking
+from ..commands import complained, said
 from .recorded import calls_and_logs
-from .test_commands import complained, said
 
 CALLS, LOGS = "calculator/Everything/divide/calls", "rosout"
 

@@ -30,9 +30,10 @@ from robocomp_py.tools.recording.session import Session, Track
 from robocomp_py.tools.recording.writer import Convert, Recorder
 from robocomp_py.transports.base import find_transport
 
-from ...runtime.test_run import make, running
-from ..test_commands import TELLERS, Talker
-from .test_recorder import filled, numbers_in
+from ...runtime.running import make, running
+from ..commands import TELLERS, complained, said
+from ..talkers import Talker
+from .recordings import filled, numbers_in
 
 CHANNEL = "talker/Everything/news"
 
@@ -43,16 +44,6 @@ def talker(request: pytest.FixtureRequest) -> Iterator[str]:
     with running(make(Talker, find_transport, f"middleware={request.param}", name="talker")):
         wait_until(lambda: CHANNEL in take_census([request.param]).channels)
         yield request.param
-
-
-def said(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 0) -> str:
-    assert rc.main([str(each) for each in arguments]) == code, capsys.readouterr()
-    return capsys.readouterr().out
-
-
-def complained(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 1) -> str:
-    assert rc.main([str(each) for each in arguments]) == code, capsys.readouterr()
-    return capsys.readouterr().err
 
 
 def test_a_topic_is_recorded_and_read_by_us_and_by_ros(

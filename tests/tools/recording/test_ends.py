@@ -19,9 +19,9 @@ from robocomp_py.tools.recording.mend import mend
 from robocomp_py.tools.recording.writer import Recorder
 from tests.docs.pages import ROOT
 
+from ..commands import complained, said
 from .endless import SPLIT
-from .test_commands import complained, said
-from .test_recorder import filled, news, numbers_in, told
+from .recordings import filled, news, numbers_in, told
 
 
 def numbers_of_rosbags(path: Path) -> list[int]:

@@ -22,7 +22,7 @@ from robocomp_py.tools.recording.reader import Recording, values_by_topic
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
-from ...runtime.test_run import make, running
+from ...runtime.running import make, running
 from .. import elsewhere
 from ..foxglove.test_live import connected, served
 from ..talkers import Talker

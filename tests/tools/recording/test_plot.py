@@ -21,7 +21,7 @@ from robocomp_py.tools.recording.reader import Recording
 from robocomp_py.tools.recording.series import curves, delays
 from robocomp_py.wire.cdr import Cdr
 
-from .test_commands import complained, said
+from ..commands import complained, said
 
 ECHO = Struct("House::Echo", (Field("angle", FLOAT32), Field("distance", FLOAT64)))
 MODE = Enumeration("House::Mode", (("idle", 0), ("busy", 7)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import resource
 import shutil
 from collections.abc import Iterator
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from robocomp_py.contract.interface import Operation
-from robocomp_py.contract.qos import DEFAULT_QOS, Durability, QoS, Reliability
-from robocomp_py.contract.types import INT32, STRING, UINT8, Dictionary, Field, Sequence
+from robocomp_py.contract.qos import DEFAULT_QOS, QoS
+from robocomp_py.contract.types import INT32, STRING, Dictionary, Field
 from robocomp_py.errors import ConfigurationError
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.tools.recording.bag import BagWriter, Options, RecordingError
@@ -27,33 +26,7 @@ from robocomp_py.tools.recording.writer import Recorder, to_cdr
 from robocomp_py.wire.cdr import TAIL, Cdr
 from robocomp_py.wire.messagepack import MessagePack
 
-NEWS = Operation[Any]("House::News", "told", (Field("number", INT32), Field("text", STRING)))
-PICTURE = Operation[Any]("House::Camera", "seen", (Field("pixels", Sequence(UINT8)),))
-LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3, lifespan=1.5)
-
-told = Topic("hall/News/told", NEWS, "hall", "shm", LATCHED)
-seen = Topic("hall/Camera/seen", PICTURE)
-
-
-def news(number: int, text: str = "hello") -> bytes:
-    return bytes(Cdr().encoder(NEWS.request)((number, text)))
-
-
-def filled(folder: Path, options: Options, numbers: int, octets: int = 0) -> Path:
-    """A recording of so many messages, a second apart."""
-    clock = count()
-    writer = BagWriter(folder, options, clock=lambda: float(next(clock)))
-    topic = writer.add(told)
-    for number in range(numbers):
-        writer.write(topic, news(number, "hello" + "x" * octets), number * 10**9, number * 10**9 - 5, number + 1)
-    writer.close()
-    return folder
-
-
-def numbers_in(path: Path) -> list[int]:
-    with Recording(path) as recording:
-        values = values_by_topic()
-        return [values(each)[0] for each in recording.messages()]
+from .recordings import LATCHED, NEWS, PICTURE, filled, news, numbers_in, seen, told
 
 
 @pytest.mark.parametrize("compress", ["none", "lz4", "zstd"])

@@ -25,8 +25,8 @@ from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
 from ...runtime.components import Calculator, Diary, EverythingProxy
-from ...runtime.test_run import make, running
-from .test_replay import complained, recorded
+from ...runtime.running import make, running
+from .recorded import complained, recorded
 
 CHANNEL = "calculator/Everything/divide"
 

@@ -24,10 +24,9 @@ from robocomp_py.tools.replay.leading import Followed, followed, leaders
 from robocomp_py.transports.base import find_transport
 from robocomp_py.transports.census import Told
 
-from ...runtime.components import Diary
-from ...runtime.test_middlewares import RELIABLE
-from ...runtime.test_run import make, running
-from .test_replay import complained, recorded, said
+from ...runtime.components import RELIABLE, Diary
+from ...runtime.running import make, running
+from .recorded import complained, recorded, said
 
 
 class Clocked(Diary):

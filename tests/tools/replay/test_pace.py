@@ -13,7 +13,7 @@ from robocomp_py.tools.replay.ahead import Ahead, Upcoming
 from robocomp_py.tools.replay.pace import FASTEST, SLOWEST, Pace
 from robocomp_py.tools.replay.player import Player
 
-from ..recording.test_recorder import filled
+from ..recording.recordings import filled
 
 S = 10**9
 

@@ -28,15 +28,12 @@ from robocomp_py.tools.recording.layout import Topic
 from robocomp_py.transports.base import find_transport
 from robocomp_py.wire.cdr import Cdr
 
-from ...runtime.components import Calculator, Diary
-from ...runtime.test_middlewares import RELIABLE
-from ...runtime.test_run import make, running
+from ...runtime.components import RELIABLE, Calculator, Diary
+from ...runtime.running import make, running
+from ..commands import TELLERS
 from ..recording.test_bad_files import foreign
-from ..test_commands import TELLERS, Talker
-
-NEWS: Operation[Any] = e.news
-POKE: Operation[Any] = e.poke
-CHANNEL = "talker/Everything/news"
+from ..talkers import Talker
+from .recorded import CHANNEL, NEWS, complained, recorded, said
 
 
 class Listener(Diary):
@@ -55,29 +52,6 @@ class Poked(Calculator):
 
     def Everything_poke(self, number: int) -> None:
         self.entries.append(f"poked {number}")
-
-
-def recorded(folder: Path, numbers: int = 20, seconds: float = 0.01, channel: str = CHANNEL) -> Path:
-    """So many messages of `news`, this time apart; and as many commands of `poke`."""
-    writer = BagWriter(folder)
-    news = writer.add(Topic(channel, NEWS, "talker", "shm", RELIABLE))
-    poke = writer.add(Topic("poked/Everything/poke", POKE, "talker", "shm", pattern=Pattern.COMMAND))
-    for number in range(numbers):
-        at = 10**18 + int(number * seconds * 1e9)
-        writer.write(news, bytes(Cdr().encoder(NEWS.request)((number, "again"))), at, at, number + 1)
-        writer.write(poke, bytes(Cdr().encoder(POKE.request)((number,))), at, at, number + 1)
-    writer.close()
-    return folder
-
-
-def said(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 0) -> str:
-    assert rc.main(["replay", *map(str, arguments)]) == code, capsys.readouterr()
-    return capsys.readouterr().out
-
-
-def complained(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 1) -> str:
-    assert rc.main(["replay", *map(str, arguments)]) == code, capsys.readouterr()
-    return capsys.readouterr().err
 
 
 def listening(middleware: str, instance: str = "talker", own: str = "listener") -> Any:

@@ -33,7 +33,7 @@ from robocomp_py.transports.zenoh.transport import ZenohTransport
 from tests.freeports import free_port
 
 from ...deploy.security_network import DAY, NOW, addressed, made, network, way
-from ..zeromq.test_far import DIVIDE, MOVE, Tap, divide, quotient
+from ..zeromq.hosts import DIVIDE, MOVE, Tap, divide, quotient
 from .test_transport import joined
 
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=2)

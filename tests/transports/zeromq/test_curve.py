@@ -13,16 +13,16 @@ import zmq.auth
 
 from robocomp_py.contract.interface import Pattern
 from robocomp_py.errors import ConfigurationError
+from robocomp_py.testing import everything
 from robocomp_py.testing.patience import SOON, wait_until
 from robocomp_py.transports.base import Channel, TransportConfig, TypeRef
 from robocomp_py.transports.zeromq.curve import Curve, Secure, key_pair
 from robocomp_py.transports.zeromq.sockets import new_socket
 from robocomp_py.transports.zeromq.transport import ZeroMQTransport
+from robocomp_py.wire import header as head
 from tests.freeports import free_port
 
-from .test_wire import DIVIDE, NAMED, Outsider, reply_of, serve_division
-from .test_wire import e as everything
-from .test_wire import header as head
+from .outsider import DIVIDE, NAMED, Outsider, reply_of, serve_division
 
 
 class Keys:

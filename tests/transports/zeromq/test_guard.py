@@ -25,9 +25,7 @@ from robocomp_py.transports.zeromq.sockets import new_socket, send_frames
 from robocomp_py.wire import header as head
 
 from ... import strangers
-from .test_far import DIVIDE, NEWS, Hosts, all_keys, divide, hosts, keys, news, quotient
-
-__all__ = ["all_keys", "hosts", "keys"]  # fixtures
+from .hosts import DIVIDE, NEWS, Hosts, divide, news, quotient
 
 MIB = strangers.MEBIBYTE
 

@@ -23,7 +23,7 @@ from robocomp_py.errors import AlreadyServed, ConfigurationError, TransportError
 from robocomp_py.testing import everything as e
 from robocomp_py.testing.conformance import answering, blob, command, query, topic
 from robocomp_py.testing.patience import SOON, wait_until
-from robocomp_py.transports.base import Channel, Reply, Status, TransportConfig, TypeRef
+from robocomp_py.transports.base import Channel, Status, TransportConfig, TypeRef
 from robocomp_py.transports.members import Entry
 from robocomp_py.transports.runtime_folder import runtime_dir
 from robocomp_py.transports.zeromq.topics import Subscriber
@@ -31,8 +31,8 @@ from robocomp_py.transports.zeromq.transport import ZeroMQTransport
 from robocomp_py.wire import header
 from tests.freeports import free_port
 
-DIVIDE = Channel("robot/calculator/Everything/divide", Pattern.QUERY, TypeRef("", e.divide.fingerprint, e.divide.text))
-NAMED = DIVIDE.name.encode() + b"\0"
+from .outsider import DIVIDE, NAMED, Outsider, address_of, reply_of, serve_division
+
 NEWS = Channel("robot/calculator/Everything/news", Pattern.PUBLISH, TypeRef("", e.news.fingerprint, e.news.text))
 
 pytestmark = pytest.mark.usefixtures("own_runtime_folder")  # a failed test may leave `a/b/c` served
@@ -45,52 +45,11 @@ def transport() -> Iterator[ZeroMQTransport]:
     opened.close()
 
 
-class Outsider:
-    """A program that knows nothing of us but the protocol."""
-
-    def __init__(self) -> None:
-        self.context = zmq.Context()
-        self.sockets: list[zmq.Socket[Any]] = []
-
-    def socket(self, kind: int) -> zmq.Socket[Any]:
-        socket = self.context.socket(kind)
-        socket.setsockopt(zmq.RCVTIMEO, int(SOON * 1000))
-        self.sockets.append(socket)
-        return socket
-
-    def dealer(self, address: str) -> zmq.Socket[Any]:
-        socket = self.socket(zmq.DEALER)
-        socket.connect(address)
-        return socket
-
-    def close(self) -> None:
-        for socket in self.sockets:
-            socket.close(linger=0)
-        self.context.term()
-
-
 @pytest.fixture
 def outsider() -> Iterator[Outsider]:
     opened = Outsider()
     yield opened
     opened.close()
-
-
-def address_of(transport: ZeroMQTransport, role: str, channel: Channel) -> str:
-    """The address of a server, as in the files of the directory."""
-    wait_until(lambda: transport.directory.find(role, channel.name))
-    return transport.directory.find(role, channel.name)[0][1].address
-
-
-def reply_of(socket: zmq.Socket[Any]) -> tuple[header.ReplyHeader, bytes]:
-    """The next reply: its header, and what follows."""
-    reply = socket.recv()
-    return header.read_reply(reply[: header.REPLY_BYTES]), reply[header.REPLY_BYTES :]
-
-
-def serve_division(transport: ZeroMQTransport) -> Any:
-    decode, encode = transport.codec.decoder(e.divide.request), transport.codec.encoder(e.divide.response)
-    return transport.server(DIVIDE, lambda payload, _: Reply(Status.OK, encode(divmod(*decode(payload)))))
 
 
 def test_a_script_can_call_a_query(transport: ZeroMQTransport, outsider: Outsider) -> None:
