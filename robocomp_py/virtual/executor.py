@@ -22,6 +22,7 @@ from typing import Protocol
 
 from ..errors import Closed, ComponentError
 from ..threads import NO_THREAD, start_thread
+from .interrupts import Interrupts
 
 Job = Callable[[], object]
 
@@ -110,10 +111,11 @@ class Executor:
         self._threads: list[threading.Thread] = []
         self._running = 0
         """The one thread that runs events now; 0 if `run` is not running."""
-        self._returned = threading.Lock()
-        self._returned.acquire()
+        self._returned, self._has_returned = threading.Lock(), False
+        """Released when `run` goes on, and whether that has happened. A new lock for each `run`."""
         self._failure: BaseException | None = None
         self._is_stuck = False
+        self._interrupts = Interrupts(self._stop_early)
         self._look, self._looks_at = look, time.monotonic() + _FIRST_LOOK
         """The function, and when to call it next, in seconds of the machine."""
 
@@ -136,23 +138,40 @@ class Executor:
 
         The condition is looked at before each event. Events at `end` itself are run. Raises what an event raises.
         """
-        self._until, self._end = until, end
-        self._next_thread()
-        try:
-            while not self._returned.acquire(timeout=self._until_look()):
-                for thread in [each for each in self._threads if each.ident == self._running]:
-                    self._looks_at = time.monotonic() + self._look(thread)
-        except BaseException:  # Ctrl-C: the event that runs comes to its end first, unless there is a second one
-            self._until, self._is_stuck = lambda: True, True
-            self._returned.acquire()
-            self._is_stuck = False
-            raise
-        finally:
-            self._running = 0
+        while self._is_interrupted(until, end) and not self._failure:
+            pass  # the handler of the signal raised nothing, so go on
         if self._failure:
             failure, self._failure = self._failure, None
             raise failure
         return bool(until())
+
+    def _is_interrupted(self, until: Callable[[], object], end: int) -> bool:
+        """Run events as `run` does, but a signal makes the event that runs the last one; returns whether one came."""
+        self._until, self._end = until, end
+        with self._interrupts as signals:
+            self._expect_return()
+            self._next_thread()
+            try:
+                while not self._returned.acquire(timeout=self._until_look()):
+                    for thread in [each for each in self._threads if each.ident == self._running]:
+                        self._looks_at = time.monotonic() + self._look(thread)
+            except BaseException:  # of a second signal, or of one that is not deferred, such as SIGALRM
+                self._stop_early()
+                self._is_stuck = True
+                while not signals.received and not self._has_returned:  # the lock may have been taken just before
+                    self._returned.acquire(timeout=_FIRST_LOOK)
+                self._is_stuck = not self._has_returned
+                raise
+            finally:
+                self._running = 0
+        return bool(signals.received)
+
+    def _stop_early(self) -> None:
+        self._until = lambda: True
+
+    def _expect_return(self) -> None:
+        self._returned, self._has_returned = threading.Lock(), False
+        self._returned.acquire()
 
     def _until_look(self) -> float:
         return min(max(_SHORT, self._looks_at - time.monotonic()), threading.TIMEOUT_MAX)
@@ -165,9 +184,11 @@ class Executor:
     def close(self) -> None:
         """End all threads, unless one is stuck in user code. Where that waits, `wait` raises Closed. Idempotent."""
         self.closed = True
+        self._interrupts.close()
         if self._is_stuck:
             return  # threads that still run end with the process
         while self._waiting or self._idle:
+            self._expect_return()
             turn = self._waiting.pop().turn if self._waiting else self._idle.pop()
             turn.release()
             self._returned.acquire()  # one after the other
@@ -244,6 +265,7 @@ class Executor:
                 self._returned.release()
                 return
             self._idle.append(mine)
+            self._has_returned = goes_on is self._returned
             goes_on.release()
             mine.acquire()
             if self.closed:

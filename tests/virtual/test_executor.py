@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -229,3 +230,56 @@ def test_a_thread_of_a_component_may_not_wait(executor: Executor) -> None:
     executor.do(start)
     executor.run(nothing_left, 20)
     assert raised[0].startswith("the thread `stray` is not part of the simulation")
+
+
+def press_ctrl_c() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.fixture
+def handles() -> Iterator[Callable[[Callable[..., object]], object]]:
+    """Sets the handler of Ctrl-C."""
+    before = signal.getsignal(signal.SIGINT)
+    yield lambda handler: signal.signal(signal.SIGINT, handler)
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_in_the_last_event_ends_the_run(executor: Executor, handles: Callable[..., object]) -> None:
+    handles(signal.default_int_handler)
+    for _ in range(20):
+        executor.do(press_ctrl_c)
+        with pytest.raises(KeyboardInterrupt):
+            executor.run(nothing_left, FOREVER)
+    executor.close()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def run_again_and_again(executor: Executor, besides: threading.Thread) -> None:
+    besides.start()
+    while True:
+        executor.run(nothing_left, executor.now + 1)
+
+
+def test_ctrl_c_ends_a_run_at_any_moment(handles: Callable[..., object]) -> None:
+    handles(signal.default_int_handler)
+    main = threading.get_ident()
+    for _ in range(100):
+        executor = Executor()
+        executor.add(Ticker(1, lambda: None))
+        presses = threading.Thread(target=lambda: signal.pthread_kill(main, signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):
+            run_again_and_again(executor, presses)
+        presses.join()
+        executor.close()
+    assert not any(thread.name.startswith("simulation-") for thread in threading.enumerate())
+
+
+def test_a_signal_whose_handler_raises_nothing_does_not_end_a_run(
+    executor: Executor, handles: Callable[..., object]
+) -> None:
+    story: list[object] = []
+    handles(lambda number, frame: story.append(number))
+    executor.do(press_ctrl_c)
+    executor.at(10, lambda: story.append("later"))
+    assert not executor.run(nothing_left, 20)
+    assert sorted(story, key=str) == [signal.SIGINT, "later"]
