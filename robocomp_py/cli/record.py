@@ -35,6 +35,7 @@ from .live import (
 from .progress import Progress
 
 if TYPE_CHECKING:
+    from ..tools.hosts import Hosts
     from ..tools.network import Network
     from ..tools.recording.session import Session, Track
     from ..tools.recording.tellers import Tellers
@@ -117,12 +118,8 @@ def split(text: str) -> tuple[int | None, float | None]:
 
 
 def run(options: argparse.Namespace) -> int:
-    from ..definitions import Definitions
     from ..errors import ConfigurationError
-    from ..tools.access import Access
     from ..tools.recording.bag import Options
-    from ..tools.recording.session import Session
-    from ..tools.recording.tellers import Tellers
     from ..tools.recording.writer import Recorder
 
     with reported("rc record") as code, hosts_of(options) as hosts:
@@ -133,39 +130,46 @@ def run(options: argparse.Namespace) -> int:
         octets, seconds = options.split or (None, None)
         how = Options(options.compress, options.schema, octets, seconds, options.keep)
         folder = options.folder or Path(time.strftime("recording-%Y-%m-%d-%H-%M-%S"))
-        begun = time.monotonic()
+        unreachable: dict[str, str] = {}
         with Recorder(folder, how) as recorder:
-            recording: _Recording | None = None
-            lost: dict[str, str] = {}
-            definitions = Definitions(options.include)
-
-            def census() -> Network:
-                found = hosts.renew().census(options.middleware, own=bool(options.topics))
-                lost.update(hosts.lost)
-                return found.complete(definitions.search)
-
-            try:
-                with Access() as access:
-                    asked = {"calls": options.calls, "logs": options.logs, "served": options.served}
-                    tellers = Tellers(recorder, access, options.topics, _tell, **asked)
-                    session = Session(recorder, access, census, options.topics, _tell, tellers.look)
-                    recording = _Recording(recorder, session, tellers, lost)
-                    try:
-                        with Progress("rc record") as progress, _receiving_first():
-                            _record(recording, options, begun, census, progress)
-                    finally:
-                        tellers.close()
-            finally:
-                recorder.close()
-                if recording and recording.has_begun:
-                    _sum_up(recording, time.monotonic() - begun, as_json=options.json)
-                elif not recorder.error:
-                    with contextlib.suppress(OSError):  # it is left to the user if it is in use
-                        recorder.discard()
+            _fill(recorder, hosts, unreachable, options)
         if recorder.error:
             raise recorder.error
-        return UNREACHABLE if lost else FINE
+        return UNREACHABLE if unreachable else FINE
     return code()
+
+
+def _fill(recorder: Recorder, hosts: Hosts, unreachable: dict[str, str], options: argparse.Namespace) -> None:
+    """Record until the end, and tell what has been recorded. Notes why hosts were `unreachable` in between."""
+    from ..definitions import Definitions
+    from ..tools.access import Access
+    from ..tools.recording.session import Session
+    from ..tools.recording.tellers import Tellers
+
+    begun = time.monotonic()
+    definitions = Definitions(options.include)
+    recording: _Recording | None = None
+
+    def census() -> Network:
+        found = hosts.renew().census(options.middleware, own=bool(options.topics))
+        unreachable.update(hosts.lost)
+        return found.complete(definitions.search)
+
+    try:
+        with Access() as access:
+            asked = {"calls": options.calls, "logs": options.logs, "served": options.served}
+            tellers = Tellers(recorder, access, options.topics, _tell, **asked)
+            session = Session(recorder, access, census, options.topics, _tell, tellers.look)
+            recording = _Recording(recorder, session, tellers, unreachable)
+            with contextlib.closing(tellers), Progress("rc record") as progress, _receiving_first():
+                _record(recording, options, begun, census, progress)
+    finally:
+        recorder.close()
+        if recording and recording.has_begun:
+            _sum_up(recording, time.monotonic() - begun, as_json=options.json)
+        elif not recorder.error:
+            with contextlib.suppress(OSError):  # it is left to the user if it is in use
+                recorder.discard()
 
 
 @contextlib.contextmanager

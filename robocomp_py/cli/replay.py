@@ -139,8 +139,7 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
     from ..tools.access import Access
     from ..tools.census import take_census
     from ..tools.replay.ahead import Ahead
-    from ..tools.replay.answers import Answers, servers
-    from ..tools.replay.choice import clashes
+    from ..tools.replay.answers import Answers
     from ..tools.replay.leading import leading
     from ..tools.replay.pace import Pace
     from ..tools.replay.player import Player
@@ -154,12 +153,7 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
         raise Absent(f"{options.recording}: it has no messages there; it takes {_seconds(recording):.1f} s")
     census = partial(take_census, options.middleware, own=True)
     census()  # a middleware that there is not is told before anything else
-    there = take_census(own=True)
-    if found := servers(answers, there):
-        raise Absent(f"{found[0]}; stop it, or leave it out by --only or --remap")
-    if not options.beside and (found := clashes(parts, there)):
-        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
-        raise Absent(f"{found[0]}{more}; stop it, publish under another name with --remap, or add --beside")
+    _check_free(parts, answers, options)
     with Access() as access:
         serving = Answers(access, answers, _tell, always=options.middleware)
         serving.begin(recording, start, end)
@@ -173,24 +167,36 @@ def _replay(recording: Recording, parts: list[Part], answers: list[Answer], opti
             if not stage.wait_heard(options.timeout):
                 raise Absent(_unused(parts, answers))
             stage.watch()
-            reading = Ahead(recording, names, start=start, end=end, is_loop=options.loop)
             length = _length(recording, options)
+            reading = Ahead(recording, names, start=start, end=end, is_loop=options.loop)
             with reading as messages, _keys() as keys:
-                begun, delays = time.monotonic(), None
+                pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
+                player = None if clock else Player(pace, keys, send, partial(_show_pace, seconds=length))
+                begun = time.monotonic()
                 try:
-                    if clock:
+                    if player:
+                        player.play(messages)
+                    elif clock:
                         led = leading(access, clock, parts, send, lambda: serving.queries, options.rate)
                         led.play(messages, keys, partial(_show_clock, seconds=length), is_paused=options.paused)
-                    else:
-                        pace = Pace(time.monotonic_ns(), options.rate, is_paused=options.paused)
-                        player = Player(pace, keys, send, partial(_show_pace, seconds=length))
-                        try:
-                            player.play(messages)
-                        finally:
-                            delays = player.delays
                 finally:
-                    _sum_up(parts, answers, stage, delays, time.monotonic() - begun, options)
+                    seconds = time.monotonic() - begun
+                    _sum_up(parts, answers, stage, player.delays if player else None, seconds, options)
     return FINE
+
+
+def _check_free(parts: list[Part], answers: list[Answer], options: argparse.Namespace) -> None:
+    """Raise Absent if something publishes or serves now what the replay would."""
+    from ..tools.census import take_census
+    from ..tools.replay.answers import servers
+    from ..tools.replay.choice import clashes
+
+    there = take_census(own=True)
+    if found := servers(answers, there):
+        raise Absent(f"{found[0]}; stop it, or leave it out by --only or --remap")
+    if not options.beside and (found := clashes(parts, there)):
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        raise Absent(f"{found[0]}{more}; stop it, publish under another name with --remap, or add --beside")
 
 
 def _clock(options: argparse.Namespace) -> Followed:

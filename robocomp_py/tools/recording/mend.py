@@ -10,11 +10,17 @@ import io
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from .bag import BagWriter, Foreign, Options
 from .formats import need_mcap
 from .reader import LARGEST, MAGIC, broken, extra_of, files_of, open_checked
+
+if TYPE_CHECKING:
+    from mcap.records import Channel, Chunk, Schema
+
+_Key = tuple[str, str, str, bytes, str]
+"""What tells topics apart: their names, types, encodings, definitions and metadata."""
 
 _HEAD = struct.Struct("<BQ")
 
@@ -39,7 +45,7 @@ def mend(path: Path, folder: Path, options: Options) -> list[Mended]:
     files = files_of(path)
     writer = BagWriter(folder, options)
     try:
-        known: dict[tuple[str, str, str, bytes, str], int] = {}
+        known: dict[_Key, int] = {}
         for each in files:
             if each is files[-1] and found and _has_just_begun(each):
                 found.append(Mended(each, 0, 0, each.stat().st_size, is_whole=False))
@@ -58,55 +64,79 @@ def _has_just_begun(path: Path) -> bool:
     return len(begin) < len(MAGIC) and MAGIC.startswith(begin)
 
 
-def _mend(path: Path, writer: BagWriter, known: dict[tuple[str, str, str, bytes, str], int]) -> Mended:
-    from mcap.records import Channel, Chunk, Message, Schema
-    from mcap.stream_reader import breakup_chunk
+def _mend(path: Path, writer: BagWriter, known: dict[_Key, int]) -> Mended:
+    from mcap.records import Chunk
 
-    schemas: dict[int, Schema] = {}
-    topics: dict[int, int] = {}
-    messages = damaged = 0
+    copy = _Copy(writer, known)
+    damaged = 0
     file, octets = open_checked(path)
     with file:
         scan = _Scan(file, octets)
         for record in scan.records():
-            inside: Sequence[object] = [record]
-            if isinstance(record, Chunk):
-                try:
-                    if record.uncompressed_size > LARGEST:
-                        raise ValueError("too large")
-                    inside = breakup_chunk(record, validate_crc=True)
-                except broken():
-                    damaged += 1
-                    continue
-            for each in inside:
-                if (extra := extra_of(each)) is not None:
-                    writer.add_extra(extra)
-                    continue
-                match each:
-                    case Schema():
-                        schemas[each.id] = each
-                    case Channel() if each.id not in topics:
-                        schema = schemas.get(each.schema_id)
-                        foreign = Foreign(
-                            each.topic,
-                            schema.name if schema else "",
-                            each.message_encoding,
-                            schema.encoding if schema else "",
-                            schema.data if schema else b"",
-                            dict(each.metadata),
-                        )
-                        key = (foreign.in_file, foreign.type, foreign.encoding, foreign.text, str(foreign.metadata))
-                        if key not in known:
-                            known[key] = writer.add(foreign)
-                        topics[each.id] = known[key]
-                    case Message() if each.channel_id in topics:
-                        messages += 1
-                        writer.write(
-                            topics[each.channel_id], each.data, each.log_time, each.publish_time, each.sequence
-                        )
-                    case Message():
-                        damaged += 1  # its channel was in a damaged chunk
-    return Mended(path, messages, damaged + scan.unreadable, scan.cut, scan.is_whole)
+            try:
+                inside = _records_in(record) if isinstance(record, Chunk) else [record]
+            except broken():
+                damaged += 1
+                continue
+            copy.add(inside)
+    damaged += copy.lost + scan.unreadable
+    return Mended(path, copy.messages, damaged, scan.cut, scan.is_whole)
+
+
+def _records_in(chunk: Chunk) -> Sequence[object]:
+    from mcap.stream_reader import breakup_chunk
+
+    if chunk.uncompressed_size > LARGEST:
+        raise ValueError("too large")
+    return breakup_chunk(chunk, validate_crc=True)
+
+
+class _Copy:
+    """Writes the records of one file to another recording, which may have topics of the files before."""
+
+    def __init__(self, writer: BagWriter, known: dict[_Key, int]) -> None:
+        """`known` are the topics of the recording so far, with their numbers."""
+        self._writer, self._known = writer, known
+        self._schemas: dict[int, Schema] = {}
+        self._topics: dict[int, int] = {}
+        """The numbers of topics, by their numbers in the file."""
+        self.messages = 0
+        self.lost = 0
+        """Messages whose channel was in a damaged chunk."""
+
+    def add(self, records: Sequence[object]) -> None:
+        from mcap.records import Channel, Message, Schema
+
+        for each in records:
+            if (extra := extra_of(each)) is not None:
+                self._writer.add_extra(extra)
+                continue
+            match each:
+                case Schema():
+                    self._schemas[each.id] = each
+                case Channel() if each.id not in self._topics:
+                    self._topics[each.id] = self._topic(each)
+                case Message() if each.channel_id in self._topics:
+                    self.messages += 1
+                    topic = self._topics[each.channel_id]
+                    self._writer.write(topic, each.data, each.log_time, each.publish_time, each.sequence)
+                case Message():
+                    self.lost += 1
+
+    def _topic(self, channel: Channel) -> int:
+        schema = self._schemas.get(channel.schema_id)
+        foreign = Foreign(
+            channel.topic,
+            schema.name if schema else "",
+            channel.message_encoding,
+            schema.encoding if schema else "",
+            schema.data if schema else b"",
+            dict(channel.metadata),
+        )
+        key = (foreign.in_file, foreign.type, foreign.encoding, foreign.text, str(foreign.metadata))
+        if key not in self._known:
+            self._known[key] = self._writer.add(foreign)
+        return self._known[key]
 
 
 class _Scan:
