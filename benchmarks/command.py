@@ -103,7 +103,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _terminated)
     base = QUICK if options.quick else FULL
     effort = Effort(options.rounds or base.rounds, options.seconds or base.seconds)
-    tables, found, failures = [machine.describe()], dict[str, Found](), []
     if options.stored:
         for table in results.tables(results.load()):
             _print(table, options)
@@ -114,35 +113,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.write and options.only != MIDDLEWARES:
         print("--write stores the figures of all middlewares: leave --only out", file=sys.stderr)
         return 2
-    _print(tables[0], options)
+    here = machine.describe()
+    _print(here, options)
     begun = time.monotonic()
     try:
-        for what in options.what:
-            try:
-                with _limited(MOST * max(1.0, effort.rounds * effort.seconds / FULL.rounds / FULL.seconds)):
-                    found[what] = MEASUREMENTS[what](options, effort)
-            except Exception as exc:  # said at once and at the end; the others are worth measuring all the same
-                tell("")
-                traceback.print_exc()
-                failures.append(f"failed: {what}: {exc}")
-                continue
-            tell("")
-            failures += [f"failed: {what}: {each}" for each in found[what].failures]
-            for table in found[what].tables:
-                _print(table, options)
+        found, failures = _measure(options, effort)
     except KeyboardInterrupt:
         tell("")
         print("interrupted; what was started has been closed", file=sys.stderr)
         return 130
-    tables += [table for one in found.values() for table in one.tables]
     findings = [each for one in found.values() for each in one.findings]
     if findings:
         _print(goals.table(findings), options)
     if options.json:
-        about = {label: value for label, value in tables[0].rows}
+        about = {label: value for label, value in here.rows}
         rows = {what: [asdict(row) for row in one.rows] for what, one in found.items()}
         Path(options.json).write_text(json.dumps({"machine": about, **rows}, indent=1), encoding="utf-8")
     if options.write and not failures:
+        tables = [here, *(table for one in found.values() for table in one.tables)]
         is_whole = set(options.what) == set(MEASUREMENTS)
         keep = results.store if is_whole else results.replace
         keep(tables, findings, {what: one.rows for what, one in found.items()})
@@ -150,6 +138,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     minutes, seconds = divmod(round(time.monotonic() - begun), 60)
     print(f"\n{minutes} min {seconds} s", *failures, sep="\n", file=sys.stderr)
     return 1 if failures else 0
+
+
+def _measure(options: argparse.Namespace, effort: Effort) -> tuple[dict[str, Found], list[str]]:
+    """Measure and print all that was asked for. Returns the figures, and what failed."""
+    found: dict[str, Found] = {}
+    failures: list[str] = []
+    for what in options.what:
+        try:
+            with _limited(MOST * max(1.0, effort.rounds * effort.seconds / FULL.rounds / FULL.seconds)):
+                found[what] = MEASUREMENTS[what](options, effort)
+        except Exception as exc:  # printed at once and at the end; the others are worth measuring all the same
+            tell("")
+            traceback.print_exc()
+            failures.append(f"failed: {what}: {exc}")
+            continue
+        tell("")
+        failures += [f"failed: {what}: {each}" for each in found[what].failures]
+        for table in found[what].tables:
+            _print(table, options)
+    return found, failures
 
 
 # What can be measured.

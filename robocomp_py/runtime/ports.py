@@ -27,6 +27,7 @@ from ..transports.base import (
     Statistics,
     Status,
     SupportsSubscribers,
+    Transport,
     about_to_block,
     require,
 )
@@ -277,20 +278,26 @@ def bind_handlers(
             if pattern is not Pattern.PUBLISH:  # the claim of an interface's first operation covers the others
                 channel = replace(channel, exclusive=route.middleware not in claimed, lazy=lazy)
                 claimed.add(route.middleware)
-            channel = replace(channel, signed=True) if signed else channel
-            if pattern is Pattern.QUERY:
-                link = route.transport.server(channel, signing(handling.serve) if signed else handling.serve)
-            else:
-                channel = replace(channel, on_receive=watched.heard) if watched else channel
-                is_told = signed and pattern is Pattern.COMMAND  # a subscription has its own way: see `Reception`
-                link = route.transport.inlet(channel, signing(handling.receive) if is_told else handling.receive)
-                if watched:
-                    watched.add(link)
+            link = _link_of(replace(channel, signed=True) if signed else channel, route.transport, handling, watched)
             handling.count_in(link.stats)
             links.append(link)
             if not lazy and not outside:
                 monitor.tallies.add(tally, link)
     return links
+
+
+def _link_of(channel: Channel, transport: Transport, handling: BoundHandler, watched: Watched | None) -> Link:
+    """The link through which a transport calls a handler."""
+    signed = channel.signed
+    if channel.pattern is Pattern.QUERY:
+        return transport.server(channel, signing(handling.serve) if signed else handling.serve)
+    if watched:
+        channel = replace(channel, on_receive=watched.heard)
+    is_told = signed and channel.pattern is Pattern.COMMAND  # a subscription has its own way: see `Reception`
+    link = transport.inlet(channel, signing(handling.receive) if is_told else handling.receive)
+    if watched:
+        watched.add(link)
+    return link
 
 
 def checked_channel(route: Route, operation: Operation[Any], pattern: Pattern) -> Channel:

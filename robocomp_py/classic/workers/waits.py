@@ -87,7 +87,7 @@ def modules(loop: Loop, begun: Begun) -> Mapping[str, ModuleType]:
     """The modules by name, with their blocking functions replaced."""
     futures = _like(concurrent.futures, **_futures(loop, begun))
     return {
-        "threading": _like(threading, **_threading(loop, begun)),
+        "threading": _like(threading, **_locks(loop), **_threads(loop, begun)),
         "queue": _like(queue, **_queues(loop)),
         "time": _like(time, sleep=_sleeping(loop)),
         "concurrent": _like(concurrent, futures=futures),
@@ -108,7 +108,8 @@ def _sleeping(loop: Loop) -> Callable[[float], None]:
     return sleep
 
 
-def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
+def _locks(loop: Loop) -> dict[str, Any]:
+    """The classes of `threading` that one waits for."""
     locked = loop.locked
 
     class Lock:
@@ -195,6 +196,18 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
 
         return _named(Waiting, base)
 
+    return {
+        "Lock": Lock,
+        "RLock": RLock,
+        "Condition": Condition,
+        "Event": Event,
+        "Barrier": Barrier,
+        "Semaphore": semaphore(threading.Semaphore),
+        "BoundedSemaphore": semaphore(threading.BoundedSemaphore),
+    }
+
+
+def _threads(loop: Loop, begun: Begun) -> dict[str, Any]:
     class Thread(threading.Thread):
         def start(self) -> None:
             is_awaited, self.daemon = not self.daemon, True
@@ -213,17 +226,7 @@ def _threading(loop: Loop, begun: Begun) -> dict[str, Any]:
     class Timer(Thread, threading.Timer):
         pass
 
-    return {
-        "Lock": Lock,
-        "RLock": RLock,
-        "Condition": Condition,
-        "Event": Event,
-        "Barrier": Barrier,
-        "Semaphore": semaphore(threading.Semaphore),
-        "BoundedSemaphore": semaphore(threading.BoundedSemaphore),
-        "Thread": Thread,
-        "Timer": Timer,
-    }
+    return {"Thread": Thread, "Timer": Timer}
 
 
 def _named(made: type[Any], base: type[Any]) -> type[Any]:

@@ -16,7 +16,7 @@ from ..members import Entry, Member
 from .early_wakeup import EarlyWakeup
 from .peer import Peer
 from .queues import WAKE_EARLY
-from .samples import HEAD_BYTES, size_of
+from .samples import HEAD_BYTES, Message, size_of
 
 if TYPE_CHECKING:
     from .core import ShmCore
@@ -95,18 +95,23 @@ class Caller(CallingLink["ShmCore", Peer, int], AskingLink):
                     raise self.no_answer(deadline)
                 woken = line.woken(left)
                 while (message := line.read()) is not None:
-                    try:
-                        found = reply_at(message.octets, HEAD_BYTES)
-                        if found.sequence == number and found.client == self.client:
-                            reply = answered((STATUSES[found.status], message.payload))
-                            if trial.trying:
-                                trial.took(early, time.monotonic() - begun)
-                            return reply if reply.status is Status.OK else accepted(self.channel, reply)
-                    except DecodeError as exc:
-                        self.malformed(exc)
-                    except KeyError as exc:
-                        self.malformed(f"status {exc}")
+                    if (reply := self._reply_in(message, number)) is not None:
+                        if trial.trying:
+                            trial.took(early, time.monotonic() - begun)
+                        return reply if reply.status is Status.OK else accepted(self.channel, reply)
                 if not woken:
                     self.still(peer)
         finally:
             peer.give(line)
+
+    def _reply_in(self, message: Message, number: int) -> Reply | None:
+        """The reply to this request, if that is what a message is."""
+        try:
+            found = reply_at(message.octets, HEAD_BYTES)
+            if found.sequence == number and found.client == self.client:
+                return answered((STATUSES[found.status], message.payload))
+        except DecodeError as exc:
+            self.malformed(exc)
+        except KeyError as exc:
+            self.malformed(f"status {exc}")
+        return None

@@ -39,7 +39,7 @@ from ..members import Entry, Member
 from ..runtime_folder import runtime_dir
 from ..server import ServingLink, ServingTransport
 from .bounds import Kind
-from .curve import ZAP, Gate, Secure, configured, why_not
+from .curve import ZAP, Curve, Gate, Secure, configured, why_not
 from .deployment import ZeroMQDeployment
 from .peer import Peer
 from .reactor import Reactor
@@ -80,13 +80,7 @@ class ZeroMQCore(ServingTransport):
         super().__init__()
         options = options_of(config, bind="", connect={}, keys="", curve_key="", curve_admitted="", curve_peers="")
         self._bind, connect = options["bind"], _addresses(options["connect"])
-        self._curve = configured(options) if self._bind or connect or not options["keys"] else None
-        if self._curve and not (self._bind or connect):
-            raise ConfigurationError(
-                "zeromq: `curve_key` is for the addresses that `bind` and `connect` name, and there are none"
-            )
-        if self._curve and self._bind and not self._curve.admitted:
-            raise ConfigurationError("zeromq: `bind` with keys needs `curve_admitted`: the keys of admitted clients")
+        self._curve = _curve_of(options, self._bind, connect)
         if self._bind or connect:
             self.capabilities |= Capability.CROSS_HOST
         self._gate = Gate(self._curve) if self._curve else None
@@ -119,9 +113,15 @@ class ZeroMQCore(ServingTransport):
         self._inquirers: list[Inquirer] = []
         self._opened = time.monotonic()
         """Since when we look for others, and, if we do, listen to them."""
+        if self._bind or connect:
+            self._reach_hosts(connect)
+        self._threads = LeaderFollowers("zeromq", self.reactor.receive, self.reactor.wake)
+        self._threads.start(self.close)
+
+    def _reach_hosts(self, connect: Mapping[str, str]) -> None:
+        """Guard connections from other hosts, and ask those at these addresses for what they serve."""
         try:
-            if self._bind or connect:
-                self.reactor.start_guard()
+            self.reactor.start_guard()
             for name, address in connect.items():
                 secure = self.secure_for(name)
                 self._inquirers.append(
@@ -130,8 +130,6 @@ class ZeroMQCore(ServingTransport):
         except BaseException:
             self._close_unstarted()
             raise
-        self._threads = LeaderFollowers("zeromq", self.reactor.receive, self.reactor.wake)
-        self._threads.start(self.close)
 
     def _close_unstarted(self) -> None:
         self.reactor.close_unstarted()
@@ -356,6 +354,21 @@ class _Changes:
 
     def close(self) -> None:
         self._watch.close()
+
+
+def _curve_of(options: Mapping[str, Any], bind: str, connect: Mapping[str, str]) -> Curve | None:
+    """The keys for connections with other hosts; None without keys. Raises ConfigurationError."""
+    has_others = bool(bind or connect)
+    if options["keys"] and not has_others:
+        return None  # the keys of its network, although all its links stay on this host
+    curve = configured(options)
+    if curve and not has_others:
+        raise ConfigurationError(
+            "zeromq: `curve_key` is for the addresses that `bind` and `connect` name, and there are none"
+        )
+    if curve and bind and not curve.admitted:
+        raise ConfigurationError("zeromq: `bind` with keys needs `curve_admitted`: the keys of admitted clients")
+    return curve
 
 
 def _addresses(given: Any) -> dict[str, str]:
