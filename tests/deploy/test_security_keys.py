@@ -247,7 +247,8 @@ def test_a_folder_that_others_can_read_is_refused(folder: Path) -> None:
 
 
 def test_a_folder_with_other_things_in_it_is_not_touched(folder: Path) -> None:
-    folder.mkdir(mode=0o755)
+    folder.mkdir()
+    folder.chmod(0o755)
     (folder / "net.ddsl").write_text("mine")
     with pytest.raises(DeploymentError, match=r"keys: .* contains other files"):
         made(network(), folder)
