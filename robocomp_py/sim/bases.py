@@ -65,15 +65,18 @@ def extent(motion: Arc) -> tuple[float, float]:
     return hypot(ahead, aside) * abs(chord) / 1000.0, abs(turn)
 
 
-def along(pose: Three, motion: Arc) -> Three:
-    """The exact pose of a base after a motion that begins at `pose`."""
+def along(pose: Three, motion: Arc, count: int = 1, unit: float = 1.0) -> Three:
+    """The exact pose of a base after a motion that begins at `pose`, or after as many of them.
+
+    `unit` is the unit of the lengths in `pose`, mm. Many motions in one call have the same bits as in many calls.
+    """
     (x, z, turned), (ahead, aside, half, chord, turn) = pose, motion
-    sine, cosine = sin(turned + half), cos(turned + half)
-    return (
-        x + chord * (ahead * sine + aside * cosine),
-        z + chord * (ahead * cosine - aside * sine),
-        turned + turn,
-    )
+    for _ in range(count):
+        sine, cosine = sin(turned + half), cos(turned + half)
+        x = (x * unit + chord * (ahead * sine + aside * cosine)) / unit
+        z = (z * unit + chord * (ahead * cosine - aside * sine)) / unit
+        turned += turn
+    return x, z, turned
 
 
 def moved(pose: Three, speed: Three, time: float) -> Three:

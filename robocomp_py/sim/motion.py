@@ -312,11 +312,8 @@ class Motion(State):
     def _follow(self, base: Base, motion: Arc, count: int) -> None:
         """Move a base that nothing stops for some ticks."""
         places = self._places
-        x, z, turn = places[base.x], places[base.z], places[base.turn]
-        for _ in range(count):
-            to_x, to_z, turn = along((x * 1000.0, z * 1000.0, turn), motion)
-            x, z = to_x / 1000.0, to_z / 1000.0
-        places[base.x], places[base.z], places[base.turn] = x, z, turn
+        before = (places[base.x], places[base.z], places[base.turn])
+        places[base.x], places[base.z], places[base.turn] = along(before, motion, count, unit=1000.0)
 
     def _rooms_now(self) -> dict[str, Room]:
         """The rooms of bases, as far as they are known where all is now."""
@@ -373,13 +370,10 @@ class Motion(State):
 
 def _roll_along(drive: Drive, wheels: Arc, count: int) -> None:
     """Let the wheels of a base measure how it has moved for some ticks."""
-    odometry, corrected = drive.odometry, drive.corrected
-    is_corrected = corrected is not odometry
-    for _ in range(count):
-        odometry = along(odometry, wheels)
-        if is_corrected:
-            corrected = along(corrected, wheels)
-    drive.odometry, drive.corrected = odometry, corrected if is_corrected else odometry
+    odometry = along(drive.odometry, wheels, count)
+    is_corrected = drive.corrected is not drive.odometry
+    drive.corrected = along(drive.corrected, wheels, count) if is_corrected else odometry
+    drive.odometry = odometry
 
 
 def _is_within(most: float, pose: Three, drive: Drive) -> bool:
