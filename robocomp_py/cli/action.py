@@ -9,7 +9,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any
 
-from .common import FINE, INTERRUPTED, USAGE, WRONG, print_table
+from .common import FINE, INTERRUPTED, USAGE, WRONG, describe, print_table
 from .completing import What, completed
 from .hosts import add_hosts, code_of, hosts_of
 from .live import (
@@ -71,11 +71,17 @@ _CANCELLING = 5.0
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Begin, watch and cancel goals of actions that components offer."
     to.epilog = _EXAMPLES
-    commands = to.add_subparsers(dest="does", metavar="list|info|send|cancel", required=True)
-    listing = commands.add_parser("list", help="list the actions that are offered now")
-    info = commands.add_parser("info", help="show the types of an action, and the goals that its server knows")
-    send = commands.add_parser("send", help="begin a goal; print its feedback and its result")
-    cancel = commands.add_parser("cancel", help="cancel one goal of an action, or all of them")
+    commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
+
+    def command(name: str, about: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=about)
+        describe(made, about, to)
+        return made
+
+    listing = command("list", "list the actions that are offered now")
+    info = command("info", "show the types of an action, and the goals that its server knows")
+    send = command("send", "begin a goal; print its feedback and its result")
+    cancel = command("cancel", "cancel one goal of an action, or all of them")
     for each in (info, send, cancel):
         about = "arm/Navigation/goTo, or an unambiguous part of such a name"
         completed(each.add_argument("action", metavar="NAME", help=about), What.ACTION)

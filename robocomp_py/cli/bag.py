@@ -9,9 +9,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, WRONG, counted, print_table
+from .common import FINE, WRONG, counted, describe, print_table
 from .completing import What, completed
-from .live import add_json, positive, reported, say
+from .live import RECORDING, add_json, positive, reported, say
 from .record import add_compress, add_splitting, size
 
 if TYPE_CHECKING:
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 NAME = "bag"
 
-_EXIT_STATUS = "exit status: 0 done, 1 a file is missing, broken or empty, 2 usage"
-
-_EXAMPLES = f"""\
+_EXAMPLES = """\
 examples:
   rc bag info run1                              topics, times and sizes
   rc bag mend run1 -o whole                     save what an interrupted recording holds
@@ -36,24 +34,22 @@ examples:
 A recording is a folder that `rc record` has made, or a file *.mcap. Recordings are never changed: each command writes a
 new folder.
 
-{_EXIT_STATUS}
+exit status: 0 done, 1 a file is missing, broken or empty, 2 usage
 """
 
 
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Look into recordings, and make new ones of them."
     to.epilog = _EXAMPLES
-    commands = to.add_subparsers(dest="does", metavar="info|mend|merge|cut|convert", required=True)
-    made = {
-        name: commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.", epilog=_EXIT_STATUS)
-        for name, about in _DOES.items()
-    }
+    commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
+    made = {name: commands.add_parser(name, help=about) for name, about in _DOES.items()}
     for name, each in made.items():
+        describe(each, _DOES[name], to)
         if name == "merge":
-            several = each.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING")
+            several = each.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help=RECORDING)
             completed(several, ".mcap")
         else:
-            completed(each.add_argument("recording", type=Path, metavar="RECORDING"), ".mcap")
+            completed(each.add_argument("recording", type=Path, metavar="RECORDING", help=RECORDING), ".mcap")
     for each in made.values():
         add_json(each)
     add_span(made["cut"])

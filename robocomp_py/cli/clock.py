@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from .common import FINE, print_table
+from .common import FINE, describe, print_table
 from .completing import What, completed
 from .live import (
     COMPONENT,
@@ -50,7 +50,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
 
     def command(name: str, about: str) -> argparse.ArgumentParser:
-        made = commands.add_parser(name, help=about, description=f"{about[:1].upper()}{about[1:]}.")
+        made = commands.add_parser(name, help=about)
+        describe(made, about, to)
         completed(made.add_argument("--of", metavar="COMPONENT", help=f"the leader: {COMPONENT}"), What.COMPONENT)
         add_waiting(made)
         add_middleware(made)

@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import os
+import re
 import select
 import signal
 import sys
@@ -199,6 +200,15 @@ def parser(name: str, description: str, epilog: str = "") -> Parser:
 
 def add_version(to: argparse.ArgumentParser, name: str) -> None:
     to.add_argument("--version", action="version", version=f"{name} (robocomp_py) {__version__}")
+
+
+def describe(part: argparse.ArgumentParser, about: str, whole: argparse.ArgumentParser) -> None:
+    """Let the help of a part of a command, such as `rc bag cut`, tell what it does, those examples of the whole command
+    that show it, and the exit status."""
+    told = whole.epilog or ""
+    examples = "\n".join(re.findall(rf"^  {part.prog}\b.*", told, re.MULTILINE))
+    part.description = f"{about[:1].upper()}{about[1:]}."
+    part.epilog = f"examples:\n{examples}\n\n{told[told.index('exit status') :]}"
 
 
 def add_include(

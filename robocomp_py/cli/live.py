@@ -29,7 +29,8 @@ _LOOK = 0.05
 
 TOPIC = "world/LaserPub/pushLaserData, or a part of such a name"
 COMPONENT = "robot1/wander, or its last part"
-"""What names may be, for the help of commands."""
+RECORDING = "a folder of `rc record`, or a file *.mcap"
+"""What arguments may be, for the help of commands."""
 
 EXIT_STATUS = (
     "exit status: 0 done, 1 what is named is not there, does not fit, or fails, 2 usage, 3 a host is out of reach,\n"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .common import FINE, print_table, sleep_while_read
+from .common import FINE, describe, print_table, sleep_while_read
 from .completing import What, completed
 from .hosts import add_hosts, hosts_of
 from .live import (
@@ -60,7 +60,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     commands = to.add_subparsers(dest="does", metavar="COMMAND", required=True)
 
     def command(name: str, about: str, component: str | None = None) -> argparse.ArgumentParser:
-        made = commands.add_parser(name, help=about, description=f"{about[:1].upper()}{about[1:]}.")
+        made = commands.add_parser(name, help=about)
+        describe(made, about, to)
         named = made.add_argument("component", nargs=component, metavar="COMPONENT", help=COMPONENT)
         completed(named, What.COMPONENT)
         add_waiting(made)
@@ -70,14 +71,19 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
     add_json(command("list", "list names and values", "*"))
     one = command("get", "print the value of one parameter")
-    completed(one.add_argument("name", metavar="NAME"), What.PARAMETER)
+    completed(one.add_argument("name", metavar="NAME", help="the parameter"), What.PARAMETER)
     add_json(one)
     several = command("set", "change parameters, all or none")
-    completed(several.add_argument("values", nargs="+", metavar="NAME=VALUE"), What.SETTING)
+    completed(
+        several.add_argument("values", nargs="+", metavar="NAME=VALUE", help="a parameter and its value"), What.SETTING
+    )
     add_json(several)
-    described = command("describe", "show types, ranges, choices and comments")
-    completed(described.add_argument("name", nargs="?", default="", metavar="NAME"), What.PARAMETER)
-    add_json(described)
+    shown = command("describe", "show types, ranges, choices and comments")
+    completed(
+        shown.add_argument("name", nargs="?", default="", metavar="NAME", help="a parameter (default: all)"),
+        What.PARAMETER,
+    )
+    add_json(shown)
     watched = command("watch", "print changes until Ctrl-C")
     watched.add_argument(
         "-n", "--count", dest="most", type=count, metavar="COUNT", help="end after this number of changes"
@@ -86,7 +92,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     add_json(watched)
     command("dump", "print the parameters as a file of ROS 2", "+")
     loaded = command("load", "set those parameters of a file of ROS 2 that differ")
-    loaded.add_argument("file", type=Path, metavar="FILE")
+    loaded.add_argument("file", type=Path, metavar="FILE", help="a file of ROS 2, as `rc param dump` prints it")
     add_json(loaded)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from .bag import add_span, span_of, time_of
 from .common import FINE, counted
 from .completing import What, completed
-from .live import add_json, reported
+from .live import RECORDING, add_json, reported
 
 if TYPE_CHECKING:
     from ..tools.recording.reader import Recording
@@ -37,9 +37,7 @@ exit status: 0 done, 1 the recording is broken or has nothing to draw, 2 usage
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Draw numbers of recorded messages over time, or histograms of latencies."
     to.epilog = _EXAMPLES
-    recording = to.add_argument(
-        "recording", type=Path, metavar="RECORDING", help="a folder of `rc record`, or a file *.mcap"
-    )
+    recording = to.add_argument("recording", type=Path, metavar="RECORDING", help=RECORDING)
     completed(recording, ".mcap")
     names = to.add_argument(
         "names",

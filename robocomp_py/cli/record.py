@@ -92,7 +92,8 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument("--logs", action="store_true", help="also what all components log")
     add_splitting(to)
     add_compress(to)
-    to.add_argument("--schema", choices=("ros2msg", "omgidl"), default="ros2msg", help="default: ros2msg")
+    about = "names of types: those of ROS 2, or with omgidl those of the IDSL (default: ros2msg)"
+    to.add_argument("--schema", choices=("ros2msg", "omgidl"), default="ros2msg", help=about)
     add_waiting(to)
     add_hosts(to)
     add_middleware(to)
@@ -105,7 +106,8 @@ def add_splitting(to: argparse.ArgumentParser) -> None:
 
 
 def add_compress(to: argparse.ArgumentParser) -> None:
-    to.add_argument("--compress", choices=("none", "lz4", "zstd"), default="none", help="default: none")
+    about = "make files smaller; zstd makes the smallest ones and takes the most time (default: none)"
+    to.add_argument("--compress", choices=("none", "lz4", "zstd"), default="none", help=about)
 
 
 def split(text: str) -> tuple[int | None, float | None]:

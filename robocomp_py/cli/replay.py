@@ -22,6 +22,7 @@ from .completing import What, completed
 from .live import (
     COMPONENT,
     EXIT_STATUS,
+    RECORDING,
     Absent,
     Wrong,
     add_json,
@@ -76,8 +77,7 @@ lock-step, the components do the same at the same instants each time.
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = "Publish the topics of a recording again, as they were in time."
     to.epilog = _EXAMPLES
-    about = "a folder of `rc record`, or a file *.mcap"
-    completed(to.add_argument("recording", type=Path, metavar="RECORDING", help=about), ".mcap")
+    completed(to.add_argument("recording", type=Path, metavar="RECORDING", help=RECORDING), ".mcap")
     about = f"2 is twice as fast (default: 1); {MAX}, with --clock in lock-step: as fast as possible"
     to.add_argument("--rate", type=speed_of, default=1.0, metavar="FACTOR", help=about)
     add_span(to)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import RobocompError
 from . import starting
-from .common import FINE, complain, counted
+from .common import FINE, complain, counted, describe
 from .completing import What, completed
 from .viewing import EDIT_HELP, VIEW_HELP, add_edit, add_view, edit, view
 
@@ -48,16 +48,20 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         "and make one from URDF or MJCF."
     )
     to.epilog = _EXAMPLES
-    actions = to.add_subparsers(dest="action", metavar="ACTION", required=True)
-    new = actions.add_parser("new", help="write a component", description="Write a component that simulates a scene.")
+    actions = to.add_subparsers(dest="action", metavar="COMMAND", required=True)
+
+    def command(name: str, about: str) -> argparse.ArgumentParser:
+        made = actions.add_parser(name, help=about)
+        describe(made, about, to)
+        return made
+
+    new = command("new", "write a component that simulates a scene")
     new.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene; it stays where it is")
     new.add_argument("-o", "--output", type=Path, metavar="DIR", help="the folder, whose name is that of the component")
     _add_lidar(new)
     carrier = new.add_argument("--middleware", metavar="NAME", help="what carries its messages (default: auto)")
     completed(carrier, What.MIDDLEWARE)
-    shown = actions.add_parser(
-        "offers", help="print what a network declares", description="Print the devices of a scene as clauses of DDSL."
-    )
+    shown = command("offers", "print the devices of a scene as clauses of DDSL")
     shown.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene")
     _add_lidar(shown)
     shown.add_argument(
@@ -66,9 +70,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
         help="with the ports of the file, at which programs of RoboComp ask: one interface at each",
     )
     shown.add_argument("--json", action="store_true", help="print one object: interfaces by device, or with their port")
-    taken = actions.add_parser(
-        "import", help="make a scene from URDF or MJCF", description="Make a scene from a file of URDF or MJCF."
-    )
+    taken = command("import", "make a scene from a file of URDF or MJCF")
     taken.add_argument("robot", type=Path, metavar="FILE", help="the file, which is not changed")
     taken.add_argument(
         "-o", "--output", type=Path, metavar="FILE.xml", help="the scene (default: FILE.xml, in this folder)"

@@ -75,14 +75,16 @@ def test_the_help_lists_each_command_once_in_its_group(capsys: Said) -> None:
     assert re.findall(r"^([a-z ]+):$", told, re.MULTILINE) == list(rc.GROUPS)
 
 
-@pytest.mark.parametrize("name", [BAG, "param", "action", "clock"])
+@pytest.mark.parametrize("name", [BAG, "param", "action", "clock", "sim"])
 def test_each_part_of_a_command_has_an_example(name: str, capsys: Said) -> None:
-    assert ended(name, "--help") == 0
-    told = capsys.readouterr().out
-    parts = re.search(r"\{([\w,]+)\}", told)
-    known = parts[1].split(",") if parts else re.findall(r"^    (\w+) ", told, re.MULTILINE)
+    known = [part for part, _ in parsers(rc.parser_for(name))]
     assert len(known) >= 4
-    assert [each for each in known if f"rc {name} {each}" not in told] == []
+    for each in known:
+        assert ended(*each.split(), "--help") == 0
+        told = capsys.readouterr().out
+        assert re.search(rf"^usage: rc {each} .*\n(.*\n)*?\n[A-Z].*\n", told), told
+        assert re.search(rf"^examples:\n  rc {each}\b", told, re.MULTILINE), told
+        assert re.search(r"^exit status: 0 \w+", told, re.MULTILINE), told
 
 
 def parsers(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[str, argparse.ArgumentParser]]:
