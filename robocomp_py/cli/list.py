@@ -20,7 +20,7 @@ NAME = "list"
 _EXAMPLES = f"""\
 examples:
   rc list                       components: what they offer, and what they use of others
-  rc list --channels            topics, queries and commands: who provides and who uses each
+  rc list --channels            topics, queries and commands, with what provides and uses each
   rc list --topics --json       only topics, one a line, for machines
   rc list --all                 also the interfaces of the framework, such as CommonBehavior
   rc list --host base           only this host of a network that rcdeploy runs here

@@ -188,9 +188,9 @@ def _component(each: Load) -> tuple[str, ...]:
 def _operation(component: Load, each: Operation) -> tuple[str, ...]:
     from ..tools.measure import milliseconds
 
-    who = "→" if each.verb in ("requires", "publishes") else "←"
+    arrow = "→" if each.verb in ("requires", "publishes") else "←"
     return (
-        f"{component.component} {who} {each.channel}",
+        f"{component.component} {arrow} {each.channel}",
         each.middleware,
         _number(each.rate) if each.rate or each.is_heard else "not heard",
         *map(milliseconds, (each.p50, each.p99, each.longest, each.waited)),

@@ -12,7 +12,7 @@ from .participants import Participant
 
 
 class Membership:
-    """The participants of one leader. Safe to use from any thread; the leader alone changes who takes part."""
+    """The participants of one leader. Safe to use from any thread; the leader alone adds and removes them."""
 
     def __init__(self, own: str, followers: Iterable[str]) -> None:
         """`own` is the component that leads; `followers` are those that the network names, in its order."""

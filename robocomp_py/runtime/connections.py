@@ -31,8 +31,8 @@ from ..wire import names
 from . import commonbehavior, introspecting, ports
 from .commonbehavior import CommonBehavior
 from .introspecting import Introspection
-from .introspection import Bound
 from .route import Route, Router
+from .status import Bound
 
 if TYPE_CHECKING:
     from ..actions.binding import Surroundings

@@ -23,8 +23,8 @@ from ..errors import Closed, ComponentError, ConfigurationError
 from ..spelling import unknown
 from ..transports.base import Link
 from ..wire import names
-from .introspection import Bound
 from .ports import Proxy
+from .status import Bound
 from .watching import Watched
 
 if TYPE_CHECKING:

@@ -32,7 +32,6 @@ from .connections import Connections
 from .ending import STUCK, announced, end_after, grace_of, settle
 from .hooks import Hooks
 from .introspecting import Introspection
-from .introspection import Counts, life, status
 from .lifecycle import Beat, Event, State, after
 from .monitor import Monitor, Threads
 from .notify import contract, notify
@@ -42,6 +41,7 @@ from .settings import Settings
 from .signals import Signals
 from .sleeping import Sleepers
 from .statemachine import Machine, Trigger
+from .status import Counts, life, status
 from .timers import Agenda, Timer, TimerHandle, Timers
 from .trace import place_of, user_trace
 from .unsafe import write_out
@@ -305,10 +305,10 @@ class Running:
         if not self._is_virtual:
             counts = self._lockstep.counts if self._lockstep else None
             return Surroundings(self.monitor, self._sleepers.wait, time.monotonic, new_identity, counts)
-        numbers, who = itertools.count(1), f"{self.settings.namespace}/{self.settings.instance}"
+        numbers, owner = itertools.count(1), f"{self.settings.namespace}/{self.settings.instance}"
 
         def identity() -> bytes:
-            return hashlib.blake2b(f"{who} {next(numbers)}".encode(), digest_size=16).digest()
+            return hashlib.blake2b(f"{owner} {next(numbers)}".encode(), digest_size=16).digest()
 
         return Surroundings(self.monitor, self._sleepers.wait, lambda: self.clock.now() / SECOND, identity)
 

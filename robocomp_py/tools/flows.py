@@ -47,9 +47,9 @@ class Told:
 
 def flows(drift: Drift, told: Mapping[str, Told]) -> dict[Use, Flow]:
     """By use; `told` is by the whole names of components."""
-    who = {each.name: _Side(answers_of(each, told)) for each in drift.instances}
+    sides = {each.name: _Side(answers_of(each, told)) for each in drift.instances}
     every = (*drift.uses, *drift.unheard)
-    return {each: _flow(each, who.get(each.client, _NOBODY), who.get(each.provider, _NOBODY)) for each in every}
+    return {each: _flow(each, sides.get(each.client, _SILENT), sides.get(each.provider, _SILENT)) for each in every}
 
 
 def without_subscriber(drift: Drift, told: Mapping[str, Told]) -> Drift:
@@ -113,7 +113,7 @@ _USERS, _SERVERS = frozenset(("requires", "subscribesTo")), frozenset(("implemen
 _EITHER = _USERS | _SERVERS
 _Pair = tuple[Operation, Operation | None]
 """What a component measured of an operation, with what it had measured before."""
-_NOBODY = _Side(None)
+_SILENT = _Side(None)
 
 
 def _flow(use: Use, client: _Side, provider: _Side) -> Flow:

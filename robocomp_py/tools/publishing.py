@@ -1,4 +1,4 @@
-"""Publishes to those who subscribe to a topic: on this host, and through scouts on other ones."""
+"""Publishes to the subscribers of a topic: on this host, and through scouts on other ones."""
 
 from __future__ import annotations
 

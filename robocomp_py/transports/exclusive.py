@@ -63,10 +63,10 @@ def claim(folder: Path, name: str, owner: str) -> Claim:
         sweep(folder)
     begun, pause = time.monotonic(), 0.001
     while (claimed := try_claim(folder, name, owner)) is None:
-        who = _signature(folder, name)
-        settled = bool(who) and not is_gone(_pid(who))  # else it is just being signed or removed
-        if settled or time.monotonic() - begun >= (_REMOVING if who else _SIGNING):
-            raise AlreadyServed.by(name, who or holder(folder, name))
+        signature = _signature(folder, name)
+        settled = bool(signature) and not is_gone(_pid(signature))  # else it is just being signed or removed
+        if settled or time.monotonic() - begun >= (_REMOVING if signature else _SIGNING):
+            raise AlreadyServed.by(name, signature or holder(folder, name))
         time.sleep(pause)
         pause = min(2 * pause, _LONGEST_PAUSE)
     return claimed

@@ -1,4 +1,4 @@
-"""Who sent the message that is being handled: for handlers that want to know, on every transport.
+"""The sender of the message that is being handled, for handlers that ask for it, on every transport.
 
 A channel that is `signed` passes each message as a `From` to the sink or service, which `signing` has wrapped. Other
 channels pass plain payloads, so nothing is spent on them.

@@ -120,7 +120,7 @@ def _port(path: Path, component: Component, report: Report) -> Port | None:
     ports = [each for each in component.ports if component.segment(each) == name]
     usable = [each for each in ports if each.verb is Verb.IMPLEMENTS]
     usable += [each for each in ports if each.verb is Verb.SUBSCRIBES]
-    who = path.lead or component.name
+    lead = path.lead or component.name
     if found := next((each for each in usable if each.each == bool(path.named)), None):
         return found
     if usable:
@@ -132,7 +132,7 @@ def _port(path: Path, component: Component, report: Report) -> Port | None:
         report.error("wrong-allow", message, path.port.span, hint)
     elif ports:
         topic = ports[0].verb.is_topic
-        message = f"`{who}` {ports[0].verb} `{name}`, it neither serves it nor subscribes to it"
+        message = f"`{lead}` {ports[0].verb} `{name}`, it neither serves it nor subscribes to it"
         hint = "remove it: topics are read without being allowed" if topic else "name the instance that implements it"
         report.error("wrong-allow", message, path.port.span, hint)
     else:
@@ -142,7 +142,7 @@ def _port(path: Path, component: Component, report: Report) -> Port | None:
             if each.verb in (Verb.IMPLEMENTS, Verb.SUBSCRIBES) and each.each == bool(path.named)
         ]
         hint = did_you_mean(name, others) or (f"there are {', '.join(others)}" if others else "there is none")
-        message = f"`{who}` neither serves an interface `{name}` nor subscribes to one"
+        message = f"`{lead}` neither serves an interface `{name}` nor subscribes to one"
         report.error("unknown-port", message, path.port.span, hint)
     return None
 

@@ -1,4 +1,4 @@
-"""Queues of topics: what waits for a slow subscriber, what a late one still gets, and who waits."""
+"""Queues of topics: what waits for a slow subscriber, what a late one still gets, and when a publisher waits."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ _ADVICE = {
     "lost": "the receiver or the network is too slow; send less, or ask for `reliable`",
     "dropped": "it takes them too slowly; make its handlers faster, or its `depth` greater",
     "expired": "they came too late; compare clocks and load: rc doctor, rc hz",
-    "malformed": "another program writes to this channel; see who: rc info {channel}",
+    "malformed": "another program writes to this channel; to see which: rc info {channel}",
     "mismatched": "another contract is sent there; generate both sides anew: rc info {channel}",
 }
 

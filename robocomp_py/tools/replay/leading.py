@@ -206,7 +206,7 @@ class _Member:
         self.at_end: Callable[[], object] = lambda: None
         self._numbers = dict.fromkeys((each.topic.name for each in parts), 0)
         self._begin: int | None = None
-        """The instant before the first message: those who take part from the beginning do so at it."""
+        """The instant before the first message: components that take part from the beginning do so at it."""
         self._next: Upcoming | None = None
         self.sent, self.is_over = 0, False
         self.error: RobocompError | None = None

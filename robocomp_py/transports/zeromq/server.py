@@ -218,7 +218,8 @@ class Router:
         """Remember a client that requests the directory record."""
         now = time.monotonic()
         if len(self._acquainted) >= _ACQUAINTED:
-            self._acquainted = {who: known for who, known in self._acquainted.items() if now - known[2] <= SILENT}
+            recent = {each: known for each, known in self._acquainted.items() if now - known[2] <= SILENT}
+            self._acquainted = recent
         if len(self._acquainted) < _ACQUAINTED:
             self._acquainted[identity] = request, user, now
 
