@@ -8,6 +8,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from robocomp_py.cli import rcdeploy
 from robocomp_py.testing.patience import SOON, wait_until
 
 
@@ -44,3 +47,13 @@ def test_an_emergency_and_a_step_longer_than_its_period_are_seen(tmp_path: Path)
     assert "\nalarmed   emergency" in shown
     assert "overruns" in shown.splitlines()[1]
     assert shown.endswith("\nno instance of this network uses another one\n")
+
+
+def test_a_run_time_folder_that_cannot_be_used_is_said_without_a_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    taken = tmp_path / "taken"
+    taken.touch()
+    monkeypatch.setenv("ROBOCOMP_RUNTIME_DIR", str(taken))
+    assert rcdeploy.main(["status"]) == 1
+    assert capsys.readouterr().err.startswith(f"rcdeploy: run-time folder {taken} needs a folder")

@@ -10,7 +10,7 @@ import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from ..common import FINE, UNREACHABLE, USAGE, WRONG, raise_if_signalled
+from ..common import FINE, UNREACHABLE, USAGE, WRONG, complain, raise_if_signalled
 from ..completing import What, completed
 from .connected import NETWORK, connected, show
 
@@ -47,6 +47,7 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from ...deploy.client import networks
+    from ...errors import ConfigurationError
 
     if options.network:
         return connected(options.network, lambda connection: _show(connection, options))
@@ -54,7 +55,10 @@ def run(options: argparse.Namespace) -> int:
         if is_given:
             print(f"rcdeploy status: {option} needs a network", file=sys.stderr)
             return USAGE
-    found = networks()
+    try:
+        found = networks()
+    except ConfigurationError as exc:
+        return complain(f"rcdeploy: {exc}")
     if not found and not options.json:
         print("none of your networks is running on this machine")
     return max((connected(each, lambda connection: _tell(connection, options.json)) for each in found), default=FINE)
