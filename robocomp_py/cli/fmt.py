@@ -85,7 +85,7 @@ def _format_file(path: Path, options: argparse.Namespace) -> int:
     from ..dsl.workspace import read_file
 
     language = path.suffix.lower()[1:]
-    if language not in LANGUAGES:
+    if language not in LANGUAGES and path.exists():
         endings = ", ".join(f".{each}" for each in LANGUAGES)
         return complain(f"rc fmt: {path}: files with this ending are not formatted; known: {endings}")
     found = _formatted(path, language, read_file)

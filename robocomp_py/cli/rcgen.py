@@ -8,6 +8,7 @@ import sys
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -509,7 +510,8 @@ def _new(name: str, root: Path, middleware: str | None) -> int:
     )
     if wrong:
         return complain(f"rcgen: {wrong}")
-    print(f"{root}/ holds a component that runs as it is:\n\n    rc run {root}\n    pytest {root}\n")
+    needed = "" if find_spec("pytest") else "    # needs: pip install pytest"
+    print(f"{root}/ holds a component that runs as it is:\n\n    rc run {root}\n    pytest {root}{needed}\n")
     return FINE
 
 

@@ -128,7 +128,7 @@ def _print(result: Result, took: float, options: argparse.Namespace) -> None:
         print(f"not run again: {one_line(what)}")
     fast = f", {result.seconds / took:.0f} times as fast" if took and result.seconds > took else ""
     print(
-        f"{options.diary}: {counted(result.turns, 'call')}, {result.seconds:.1f} s, run again in {took:.1f} s{fast}: "
+        f"{options.diary}: {counted(result.turns, 'call')}, {result.seconds:.1f} s, run again in {took:.2g} s{fast}: "
         f"{len(result.differences)} of {result.outputs} outputs differ"
     )
 

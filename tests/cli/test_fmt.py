@@ -104,6 +104,7 @@ def test_a_folder_without_such_files_is_a_mistake(folder: Path, capsys: Said) ->
     [
         ("arm.isdl", "arm.isdl: files with this ending are not formatted; known: .idsl, .cdsl, .pdsl, .ddsl, .smdsl"),
         ("leg.idsl", "leg.idsl: error[unreadable]: cannot be read: No such file or directory"),
+        ("leg", "leg: error[unreadable]: cannot be read: No such file or directory"),
     ],
 )
 def test_a_file_that_cannot_be_formatted_is_reported(folder: Path, capsys: Said, name: str, said: str) -> None:

@@ -509,6 +509,14 @@ def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     return tmp_path
 
 
+def test_a_new_component_names_pytest_if_it_is_missing(
+    inside: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pytest", None)
+    assert rcgen(["--new", "Hello"]) == 0
+    assert "\n    pytest hello    # needs: pip install pytest\n" in capsys.readouterr().out
+
+
 def test_a_new_component_runs_passes_its_test_and_is_up_to_date(inside: Path, capsys: Said) -> None:
     assert rcgen(["--new", "Hello"]) == 0
     assert capsys.readouterr().out == (

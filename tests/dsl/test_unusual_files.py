@@ -220,9 +220,18 @@ def test_a_very_long_line_of_ancestors_is_refused(tmp_path: Path, kind: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("written", "proposed"), [("yard", "yard.ddsl"), ("pilot", "pilot.cdsl"), ("pilt", "pilot"), ("yrd", "")]
+    ("written", "proposed"),
+    [
+        ("yard", "yard.ddsl"),
+        ("pilot", "pilot.cdsl"),
+        ("pilt", "pilot"),
+        ("yrd", ""),
+        ("yard.dsl", "yard.ddsl"),
+        ("pilot.cdls", "pilot.cdsl"),
+        ("yard.xml", ""),
+    ],
 )
-def test_for_a_name_without_an_ending_a_model_or_a_folder_is_proposed(
+def test_for_a_name_without_an_ending_or_with_a_misspelt_one_a_model_or_a_folder_is_proposed(
     written: str, proposed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
