@@ -32,6 +32,10 @@ def add_hosts(to: argparse.ArgumentParser, *, network: bool = True) -> None:
         help="folder of the keys of a network with `security lan`, made by rcdeploy keys --operator (default: with "
         "--network, that of its rcdeploy, if it has such keys)",
     )
+    add_host(to)
+
+
+def add_host(to: argparse.ArgumentParser) -> None:
     host = to.add_argument(
         "--host",
         dest="hosts",

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Self
 
 from .common import FINE, raise_if_signalled, raise_if_unread
 from .completing import What, completed
+from .hosts import HERE, add_host
 from .live import (
     EXIT_STATUS,
     Absent,
@@ -37,6 +38,7 @@ from .logged import Wanted, add_filters, wanted
 if TYPE_CHECKING:
     from ..deploy.client import Connection
     from ..deploy.ring import Line
+    from ..deploy.snapshot import ProcessStatus
     from ..tools.logs import Entry
     from ..tools.network import Network
     from ..tools.tap import Tap
@@ -48,6 +50,7 @@ examples:
   rc logs                                    the last log records of all components
   rc logs wander --level warning --since 5m  warnings and errors of the last five minutes
   rc logs -f --grep 'lost|late'              new ones as they come, with one of these words
+  rc logs --network rescue --host base       only of this network, and of what runs on this host of it
   rc logs --json                             an object a line: time, level, component, text, file, trace and more
 
 Past records are there of components that rcdeploy runs, also on other hosts; other components keep none, so of them
@@ -75,6 +78,9 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     to.add_argument(
         "--for", dest="seconds", type=positive, metavar="SECONDS", help="with --follow: end after this time"
     )
+    about = "only components of a network that rcdeploy runs here, by its name or file (default: all that run here)"
+    completed(to.add_argument("--network", metavar="NET", help=about), What.NETWORK)
+    add_host(to)
     add_waiting(to)
     add_middleware(to)
     add_json(to)
@@ -84,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     show = _show_as_json if options.json else _show
     accepts = wanted(options)
     with reported("rc logs") as code:
-        chosen = awaited(options, partial(_chosen, options.components))
+        chosen = awaited(options, partial(_chosen, options))
         for each in chosen.troubles:
             say("rc logs", each)
         seen: set[Line] = set()
@@ -151,39 +157,50 @@ class _Chosen:
     """Why a network could not be asked."""
 
 
-def _chosen(names: Sequence[str], network: Network) -> _Chosen:
-    """The components that are meant. Raises ValueError if one is not there."""
-    from ..deploy.client import Connection, NotRunning, networks
+def _chosen(options: argparse.Namespace, network: Network) -> _Chosen:
+    """The components that are meant. Raises ValueError if one is not there, and DeploymentError."""
+    from ..deploy.client import Connection, NotRunning, network_of, networks, not_running
     from ..errors import DeploymentError
     from ..tools import asking
+    from ..tools.hosts import check_hosts
 
-    launched: dict[str, dict[str, tuple[str, ...]]] = {}
+    running, hosts = networks(), {"" if each == HERE else each for each in options.hosts}
+    if options.network:
+        name = network_of(options.network)
+        if name not in running:
+            raise NotRunning(not_running(name))
+        running = [name]
+    launched: dict[str, Sequence[ProcessStatus]] = {}
     troubles = []
-    for each in networks():
+    for each in running:
         try:
             with Connection(each) as connection:
-                launched[each] = {one.name: one.instances for one in connection.status().processes}
+                launched[each] = connection.status().processes
         except NotRunning:
             continue  # it has just ended
         except DeploymentError as exc:
             troubles.append(str(exc))
-    there = [name for processes in launched.values() for instances in processes.values() for name in instances]
-    known = list(dict.fromkeys([*there, *asking.components(network)]))
+    every = [one for processes in launched.values() for one in processes]
+    check_hosts(hosts - {""}, {one.host for one in every} - {""})
+    there = [name for one in every if not hosts or one.host in hosts for name in one.instances]
+    deployed = {name for one in every for name in one.instances}
+    alone = [] if options.network or (hosts and "" not in hosts) else asking.components(network)
+    known = list(dict.fromkeys([*there, *(each for each in alone if each not in deployed)]))
     try:
-        found = components_named(known, names)
+        found = components_named(known, options.components)
     except Absent as exc:
         raise ValueError("; ".join([str(exc), *troubles])) from exc
     if not found:
         raise ValueError("; ".join(["no component runs here", *troubles]))
     return _Chosen(
-        [made for each, processes in launched.items() if (made := _wanted_of(each, processes, found)).processes],
+        [made for each, told in launched.items() if (made := _wanted_of(each, told, found)).processes],
         [name for name in found if name not in there],
         troubles,
     )
 
 
-def _wanted_of(network: str, processes: Mapping[str, tuple[str, ...]], names: Collection[str]) -> _Launched:
-    meant = {name: every for name, every in processes.items() if not set(every).isdisjoint(names)}
+def _wanted_of(network: str, processes: Iterable[ProcessStatus], names: Collection[str]) -> _Launched:
+    meant = {each.name: each.instances for each in processes if not set(each.instances).isdisjoint(names)}
     return _Launched(network, meant, names)
 
 

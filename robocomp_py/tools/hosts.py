@@ -73,7 +73,7 @@ class Hosts(Closing):
                 if each not in self._told:
                     self._told.add(each)
                     self._tell(each)
-            self._check(hosts)
+            check_hosts(self._others or (), hosts)
             opened = _opened(plans)
             self._visited = self._operator(plans)
             self._options = {**opened.get("", {}), **self._visited}
@@ -159,13 +159,6 @@ class Hosts(Closing):
         self._known[key].options = options
         return self._known[key]
 
-    def _check(self, hosts: Mapping[str, str]) -> None:
-        for name in self._others or ():
-            if not hosts:
-                raise DeploymentError(f"host {name}: no network with other hosts runs here")
-            if name not in hosts:
-                raise DeploymentError(unknown("host", name, hosts))
-
     def _operator(self, plans: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
         """The options of middlewares with which a tool takes part in a network with keys, as its operator."""
         if not (self._network or self._keys):
@@ -218,6 +211,15 @@ class Hosts(Closing):
             if plan and (plan.get("hosts") or self._network):
                 found[name] = plan
         return found
+
+
+def check_hosts(names: Iterable[str], known: Collection[str]) -> None:
+    """Raise DeploymentError if one of these names is not that of a known host."""
+    for name in names:
+        if not known:
+            raise DeploymentError(f"host {name}: no network with other hosts runs here")
+        if name not in known:
+            raise DeploymentError(unknown("host", name, known))
 
 
 def _opened(plans: Mapping[str, Any]) -> Mapping[str, Options]:

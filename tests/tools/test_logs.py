@@ -103,6 +103,20 @@ def test_lines_that_another_program_logged_as_text_have_a_level_too(
     assert (found["component"], found["level"], found["text"]) == ("laser", "ERROR", "no beam")
 
 
+def test_records_are_chosen_by_network_and_host(chatty: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    with contextlib.closing(Running(Standing(process("laser"), process("gripper", host="base")))) as network:
+        write(network, "laser", record("scanned"))
+        write(network, "gripper", record("closed", instance="gripper"))
+        assert texts(capsys, "--network", "home") == ["scanned", "closed"]
+        assert texts(capsys, "--host", "base") == ["closed"]
+        assert texts(capsys, "--network", "home", "--host", "here") == ["scanned"]
+        assert "unknown component `chatty`" in complained(
+            capsys, "logs", "chatty", "--network", "home", "--timeout", "0.1", *OVER
+        )
+        assert "did you mean `base`?" in complained(capsys, "logs", "--host", "bose", *OVER)
+        assert "network `hone` is not running" in complained(capsys, "logs", "--network", "hone", *OVER)
+
+
 def test_control_characters_reach_no_terminal(network: Running, capsys: pytest.CaptureFixture[str]) -> None:
     write(network, "laser", record("\x1b[2J\x1b]0;title\x07 \u202e end\r", trace="\x1b[H"))
     (line,) = said(capsys, "logs", *OVER).splitlines()
