@@ -10,13 +10,21 @@ BIN = .venv/bin
 help:  ## this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/	/' | expand -t 14
 
-.venv/ready: pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit("robocomp_py needs Python 3.11 or newer: make PYTHON=python3.11 …" if sys.version_info < (3, 11) else 0)'
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit("robocomp_py needs Python 3.11 or newer: make PYTHON=python3.11 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
+
+.venv/ready: pyproject.toml | .venv/bin/python
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-demo: .venv/ready  ## run the example network, and show its story (MIDDLEWARE=…; VIEW=1: in the browser)
+# What the demo needs is a small part of what developers need.
+.venv/demo: pyproject.toml | .venv/bin/python
+	@echo 'Installing robocomp_py with its simulator and viewer into .venv; this takes about a minute.'
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[sim,viewer]'
+	@touch $@
+
+demo: $(or $(wildcard .venv/ready),.venv/demo)  ## run the example network, and show its story (MIDDLEWARE=…; VIEW=1: in the browser)
 	$(BIN)/python components/demo.py --middleware "$(MIDDLEWARE)" $(if $(VIEW),--view)
 
 # Every process of pytest rewrites the assertions of all tests and of its plug-ins, unless it finds them rewritten.
