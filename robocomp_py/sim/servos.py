@@ -57,8 +57,9 @@ def lag(tick: float) -> float:
 def tune(model: mujoco.MjModel, start: Array, forces: Mapping[str, float]) -> None:
     """Set the gains of all servos by the inertia that they move, and their forces.
 
-    A servo at its greatest force is not integrated implicitly, so the gain of a base is a quarter of what would
-    explode then.
+    The inertia about a hinge differs with the pose of what it carries, and a servo is slow if it moves more than it was
+    made for. So the greatest one counts. A servo at its greatest force is not integrated implicitly: the gain of a base
+    is a quarter of what would explode then, and that of a joint with a greatest force is made for the first pose.
     """
     data = mujoco.MjData(model)
     data.qpos[:] = start
@@ -70,6 +71,8 @@ def tune(model: mujoco.MjModel, start: Array, forces: Mapping[str, float]) -> No
         name, target = model.actuator(number).name, model.actuator_trnid[number, 0]
         if model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT and model.joint(target).name == name:
             inertia, stiffness = inertias[(model.jnt_dofadr[target],) * 2], _STIFFNESS / tick
+            if name not in forces and model.jnt_type[target] == mujoco.mjtJoint.mjJNT_HINGE:
+                inertia = max(inertia, _most_inertia(model, model.jnt_bodyid[target]))
             gain, damping = inertia * stiffness**2, 2.0 * inertia * stiffness
             model.actuator_gainprm[number, 0] = gain
             model.actuator_biasprm[number, 1:3] = -gain, -damping
@@ -84,6 +87,19 @@ def tune(model: mujoco.MjModel, start: Array, forces: Mapping[str, float]) -> No
         mass = inertias[(model.jnt_dofadr[model.joint(of_part(base, "x")).id],) * 2]
         most = forces.get(base, _TRACTION * mass) * (_arm(model, base) if part == "turn" else 1.0)
         model.actuator_forcerange[number] = -most, most
+
+
+def _most_inertia(model: mujoco.MjModel, carried: int) -> float:
+    """The most that the inertia about a hinge can be when all that it carries is stretched out, kg m²."""
+    reach, found = {carried: 0.0}, 0.0
+    for body in range(carried, model.nbody):  # parents have lower numbers
+        if body != carried:
+            if (above := int(model.body_parentid[body])) not in reach:
+                continue
+            reach[body] = reach[above] + float(np.linalg.norm(model.body_pos[body]))
+        away = reach[body] + float(np.linalg.norm(model.body_ipos[body]))
+        found += float(model.body_mass[body]) * away**2 + float(model.body_inertia[body].max())
+    return found
 
 
 def _arm(model: mujoco.MjModel, base: str) -> float:

@@ -263,6 +263,19 @@ def test_joints_arrive_where_they_are_told(tmp_path: Path) -> None:
         assert hall.position(name) == pytest.approx(position, abs=0.006)
 
 
+def test_seven_joints_arrive_soon_though_they_bend_out_of_the_axes_of_others(tmp_path: Path) -> None:
+    """Stretched upwards, as it begins, the arm has nearly no inertia about its vertical axes."""
+    links = "".join(
+        f'<joint id="j{number}" axis="{axis}" ty="200"><plane id="p{number}" size="60,200,60" py="100"/>'
+        for number, axis in enumerate("yzxyzxy")
+    )
+    arm = world(tmp_path, f"<innerModel>{links}{'</joint>' * 7}</innerModel>")
+    goals = {f"j{number}": (0.5 if number % 2 else -0.4, 1.0) for number in range(7)}
+    arm.move_joints(goals)
+    arm.step(130)  # 0.65 s, of which they may take 0.5 s
+    assert max(abs(arm.position(joint) - goal) for joint, (goal, _) in goals.items()) < 0.001
+
+
 def test_a_joint_follows_its_speed_and_at_once_is_soon(hall: World) -> None:
     hall.move_joint("shoulder", 2.0, speed=1.0)
     hall.step(100)
