@@ -153,10 +153,13 @@ def _cannot_be_read(path: Path, endings: tuple[str, ...] = (".xml",)) -> str:
 
 def _import(robot: Path, scene: Path) -> int:
     """Write what MuJoCo reads of a file as a scene, with a folder of its meshes."""
+    from ..dsl.innermodel.check import is_innermodel
     from ..innermodel.read import InnerModelError
 
     if wrong := _cannot_be_read(robot, (".urdf", ".xml")):
         return complain(f"rc sim import: {wrong}")
+    if is_innermodel(robot):
+        return complain(f"rc sim import: {robot} is a scene already; to see it: rc sim view {robot}")
     folder = scene.with_name(f"{scene.stem}_meshes")
     if there := [each for each in (scene, folder) if each.exists()]:
         return complain(f"rc sim import: {there[0]} is there already; choose another file by -o")

@@ -73,7 +73,7 @@ def add_edit(to: argparse.ArgumentParser) -> None:
 def edit(options: argparse.Namespace) -> int:
     path: Path = options.scene
     if path.suffix.lower() != ".xml":
-        return complain(f"rc sim edit: {path}: give it the file of a scene (.xml)")
+        return complain(f"rc sim edit: {path}: give it the file of a scene (.xml){_made(path)}")
     if not is_read(path):
         return WRONG
     with reported("rc sim edit") as code:
@@ -129,7 +129,7 @@ def network_named(text: str) -> str:
     from ..errors import ConfigurationError
 
     if Path(text).suffix not in ("", ".ddsl"):
-        raise ConfigurationError(f"{text}: give it the file of a scene (.xml), or a network")
+        raise ConfigurationError(f"{text}: give it the file of a scene (.xml), or a network{_made(Path(text))}")
     running = networks()
     if text:
         name = network_of(text)
@@ -139,6 +139,11 @@ def network_named(text: str) -> str:
     if len(running) > 1:
         raise Absent(f"several networks run here; name one of {', '.join(running)}")
     return "".join(running)
+
+
+def _made(path: Path) -> str:
+    """How a scene is made from a file that is none."""
+    return f"; to make one: rc sim import {path}" if path.suffix.lower() == ".urdf" else ""
 
 
 def is_read(path: Path) -> bool:

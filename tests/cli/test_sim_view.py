@@ -72,6 +72,8 @@ def test_a_scene_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.Captur
 def test_what_is_edited_is_a_file_of_a_scene(capsys: pytest.CaptureFixture[str]) -> None:
     assert rc(["sim", "edit", "house"]) == 1
     assert capsys.readouterr().err == "rc sim edit: house: give it the file of a scene (.xml)\n"
+    assert rc(["sim", "edit", "arm.urdf"]) == 1
+    assert capsys.readouterr().err.endswith("(.xml); to make one: rc sim import arm.urdf\n")
 
 
 @pytest.mark.parametrize(
@@ -79,6 +81,7 @@ def test_what_is_edited_is_a_file_of_a_scene(capsys: pytest.CaptureFixture[str])
     [
         (["nowhere"], 1, "network `nowhere` is not running on this machine; start it with rcdeploy, or give the file"),
         (["nowhere.ddsl"], 1, "nowhere.ddsl cannot be read"),
+        (["arm.urdf"], 2, "(.xml), or a network; to make one: rc sim import arm.urdf"),
         (["house.dae"], 2, "house.dae: give it the file of a scene (.xml), or a network"),
         (["--middleware", "smoke"], 2, "unknown middleware `smoke`"),
         (["--component", "nothing", "--middleware", "shm"], 1, "unknown component with a scene `nothing`"),

@@ -297,6 +297,7 @@ def test_a_warning_of_mujoco_is_told_with_the_rest(tmp_path: Path, capsys: pytes
         ("arm.urdf", '<robot name="a" xmlns:xacro="x/xacro"><xacro:include/></robot>', "by `xacro FILE > FILE.urdf`"),
         ("arm.xml", "<mujoco/>", "it has no link and no shape"),
         ("", "", "it is a folder"),
+        ("arm.xml", "<!-- mine --><innerModel/>", "arm.xml is a scene already; to see it: rc sim view"),
         ("armm.urdf", None, "arm.urdf`?"),
     ],
 )
