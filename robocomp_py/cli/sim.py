@@ -31,6 +31,7 @@ examples:
   rc sim new house.xml --lidar top   the laser `top` has several fans, and also provides points in space
 
   rc sim import arm.urdf             a scene from URDF or MJCF, in arm.xml
+  rc sim export house.xml            its physics as MJCF, in house.mjcf
 
   rc sim view house.xml              the scene in the browser
   rc sim view                        ... as it runs; --component NAME: which one, if several do
@@ -45,7 +46,7 @@ exit status: 0 done, 1 the scene is wrong or the folder is not empty, 2 usage, 1
 def add_arguments(to: argparse.ArgumentParser) -> None:
     to.description = (
         "Write a component that simulates a scene, print what a network has to declare of it, show and edit it, "
-        "and make one from URDF or MJCF."
+        "make one from URDF or MJCF, and write MJCF."
     )
     to.epilog = _EXAMPLES
     actions = to.add_subparsers(dest="action", metavar="COMMAND", required=True)
@@ -75,6 +76,11 @@ def add_arguments(to: argparse.ArgumentParser) -> None:
     taken.add_argument(
         "-o", "--output", type=Path, metavar="FILE.xml", help="the scene (default: FILE.xml, in this folder)"
     )
+    given = command("export", "write the bodies, joints, shapes and motors of a scene as MJCF")
+    given.add_argument("scene", type=Path, metavar="FILE.xml", help="the scene, which is not changed")
+    given.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="the file (default: FILE.mjcf, in this folder)"
+    )
     add_view(actions.add_parser("view", help=VIEW_HELP))
     add_edit(actions.add_parser("edit", help=EDIT_HELP))
 
@@ -96,6 +102,8 @@ def run(options: argparse.Namespace) -> int:
         return edit(options)
     if options.action == "import":
         return _import(options.robot, options.output or Path(options.robot.stem).with_suffix(".xml"))
+    if options.action == "export":
+        return _export(options.scene, options.output or Path(options.scene.stem).with_suffix(".mjcf"))
     from ..innermodel.read import InnerModelError
     from ..innermodel.tree import Tree
     from ..sim.parameters import FANS, FIELD
@@ -181,6 +189,33 @@ def _import(robot: Path, scene: Path) -> int:
     if found.left_out:
         print(f"left out: {'; '.join(found.left_out)}")
     print(f"{scene} has {counted(len(found.tree) - 1, 'node')}; to see it: rc sim view {scene}")
+    return FINE
+
+
+def _export(path: Path, file: Path) -> int:
+    """Write what physics knows of a scene as MJCF."""
+    from ..innermodel.read import InnerModelError
+    from ..innermodel.tree import Tree
+
+    if wrong := _cannot_be_read(path):
+        return complain(f"rc sim export: {wrong}")
+    if file.exists():
+        return complain(f"rc sim export: {file} is there already; choose another file by -o")
+    try:
+        from ..sim.build import MissingMeshError
+        from ..sim.exporting import exported
+    except ImportError as exc:
+        return complain(f"rc sim export: it needs MuJoCo: pip install 'robocomp-py[sim]' ({exc})")
+    tree = Tree()
+    try:
+        tree = Tree.read(path)
+        file.write_text(exported(tree))
+    except InnerModelError as exc:
+        place = tree.place(exc.node) if exc.node else None
+        text = exc.lack if isinstance(exc, MissingMeshError) else exc
+        return complain(f"rc sim export: {f'{place}: ' if place else ''}{text}")
+    except OSError as exc:
+        return complain(f"rc sim export: {exc.filename or file}: {exc.strerror or exc}")
     return FINE
 
 

@@ -263,6 +263,46 @@ def test_of_an_import_that_cannot_be_written_nothing_remains(
     assert sorted(tmp_path.iterdir()) == before
 
 
+ROOM = """\
+<innerModel>
+  <plane id="floor" size="9000,10,9000" py="-5"/>
+  <differentialrobot id="base" tx="-1500" ry="0.5">
+    <plane id="body" py="200" size="300,200,400"/>
+    <joint id="arm" ty="300" axis="x"><mesh id="wedge" file="wedge.obj"/></joint>
+  </differentialrobot>
+  <transform id="box" ty="900" engine="bullet" mass="2"><plane id="sides" size="100,100,100"/></transform>
+</innerModel>
+"""
+
+
+def test_mujoco_alone_moves_an_exported_scene_as_it_moves_here(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wedge.obj").write_text(WEDGE)
+    (tmp_path / "room.xml").write_text(ROOM)
+    assert rc(["sim", "export", "room.xml"]) == 0
+    model = mujoco.MjModel.from_xml_path("room.mjcf")
+    data, world = mujoco.MjData(model), World(Tree.read(tmp_path / "room.xml"), physics=True)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
+    world.move_joint("arm", 0.5)
+    data.ctrl[model.actuator(".arm").id] = 0.5
+    for _ in range(50):
+        mujoco.mj_step(model, data)
+    mujoco.mj_kinematics(model, data)
+    world.step(50)
+    for name in ("base", "arm", "box"):
+        there = axes.position_from_simulation(data.body(f".{name}").xpos)
+        assert there == pytest.approx(world.matrix(name)[:3, 3], abs=0.5)
+    assert data.joint(".arm").qpos.item() == pytest.approx(world.position("arm"), abs=1e-3)
+    assert rc(["sim", "export", "room.xml"]) == 1
+    assert "room.mjcf is there already; choose another file by -o" in capsys.readouterr().err
+    (tmp_path / "wedge.obj").unlink()
+    assert rc(["sim", "export", "room.xml", "-o", "other.mjcf"]) == 1
+    assert "room.xml:5:39: `wedge`: there is no file `wedge.obj`\n" in capsys.readouterr().err
+    assert not (tmp_path / "other.mjcf").exists()
+
+
 def test_numbers_of_a_converted_scene_are_not_inexact(tmp_path: Path) -> None:
     limited = '<joint type="slide" limited="true" range="-2.01 .11"/>'
     mjcf(f'<body>{limited}<geom type="capsule" size=".03 .3"/></body>').tree.save(tmp_path / "arm.xml")
