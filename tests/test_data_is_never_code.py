@@ -116,7 +116,7 @@ def test_no_module_of_ours_runs_what_it_is_sent() -> None:
         assert there == ALLOWED.get(name, {}), name
 
 
-def test_nor_does_what_rcgen_generates(tmp_path: Path) -> None:
+def test_no_generated_module_runs_what_it_is_sent(tmp_path: Path) -> None:
     for name, middleware in (("everything", "zeromq"), ("patrol", "dds")):
         assert rcgen([str(copied(name, tmp_path / name)), "--middleware", middleware]) == 0
     generated = list(tmp_path.rglob("*.py"))

@@ -100,7 +100,7 @@ def test_components_are_found_where_they_are_started(robot: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [*range(65, 76), 200])
-def test_it_is_laid_out_as_the_formatter_does(robot: Path, width: int) -> None:
+def test_an_imported_network_is_laid_out_as_by_the_formatter(robot: Path, width: int) -> None:
     long = f"--one {'x' * (width - len(str(robot)))}"
     text = imported(
         rcmanager(
@@ -333,7 +333,7 @@ def test_entities_are_not_expanded(tmp_path: Path, capsys: Said) -> None:
 # The command.
 
 
-def test_it_is_written_once_and_never_over_a_file(tmp_path: Path, capsys: Said) -> None:
+def test_an_imported_network_is_never_written_over_a_file(tmp_path: Path, capsys: Said) -> None:
     (tmp_path / "net.xml").write_text(rcmanager(node("a", up("a"))))
     command = ["--import", str(tmp_path / "net.xml"), "-o", str(tmp_path / "net.ddsl")]
     assert rcdeploy(command) == 0
@@ -378,7 +378,7 @@ def test_without_a_name_it_is_printed(tmp_path: Path, capsys: Said) -> None:
         (["net.ddsl", "-o", "x.ddsl"], 2, "-o is for --import"),
     ],
 )
-def test_it_says_how_it_is_used(arguments: list[str], code: int, said: str, capsys: Said) -> None:
+def test_wrong_arguments_of_an_import_are_explained(arguments: list[str], code: int, said: str, capsys: Said) -> None:
     try:
         found = rcdeploy(arguments)
     except SystemExit as exc:

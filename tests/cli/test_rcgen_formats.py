@@ -101,7 +101,7 @@ def test_an_interface_that_is_wrong_is_not_written(tmp_path: Path, capsys: Said)
         (["--json", "x.idsl", "--to", "omgidl"], 2, "--json is for generating components"),
     ],
 )
-def test_it_says_how_it_is_used(arguments: list[str], code: int, said: str, capsys: Said) -> None:
+def test_wrong_arguments_for_formats_are_explained(arguments: list[str], code: int, said: str, capsys: Said) -> None:
     try:
         found = rcgen(arguments)
     except SystemExit as exc:

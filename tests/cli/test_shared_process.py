@@ -80,7 +80,7 @@ def test_each_has_its_own_options_and_variables_and_they_end_backwards(folder: P
     ]
 
 
-def test_one_that_fails_ends_the_process_and_the_others_finish(folder: Path) -> None:
+def test_a_component_that_fails_ends_the_process_and_the_others_finish(folder: Path) -> None:
     with running(
         *("rc", "run", folder / "hello", "+", folder / "asking" / "hello", "--name", "left"),
         *("+", folder / "failing" / "hello", "--name", "failing", "--after", "left"),

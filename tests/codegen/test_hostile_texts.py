@@ -165,7 +165,7 @@ def test_a_text_of_a_model_is_the_same_text_in_what_is_generated(text: str) -> N
 @settings(max_examples=40)
 @given(texts_for_comments, texts_for_quotes)
 @example("", f"[{chr(0x7F) * 8}")  # a long text with a bracket
-def test_so_is_any_other(comment: str, quoted: str) -> None:
+def test_any_text_of_a_model_is_the_same_text_in_what_is_generated(comment: str, quoted: str) -> None:
     check(comment, quoted)
 
 

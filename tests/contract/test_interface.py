@@ -243,7 +243,7 @@ def test_an_exception_without_fields_is_a_difference() -> None:
     assert differences(quiet.text, loud.text) == ["Quiet: absent here, exception there"]
 
 
-def test_so_is_the_order_of_exceptions() -> None:
+def test_the_order_of_exceptions_is_a_difference() -> None:
     both = operation(raises=(STUCK, FAILED)), operation(raises=(FAILED, STUCK))
     assert both[0].fingerprint != both[1].fingerprint
     assert differences(both[0].text, both[1].text) == ["the order in which they are described"]

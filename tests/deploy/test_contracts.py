@@ -25,7 +25,7 @@ def test_a_restart_with_a_new_contract_names_the_linked_instances() -> None:
     assert effect_of_restart(LINKS, running, current, list(running)) == RestartEffect((), ())
 
 
-def test_one_that_is_not_generated_anew_cannot_be_taken_along() -> None:
+def test_a_component_that_is_not_generated_anew_is_not_restarted_along() -> None:
     running = dict.fromkeys(("server", "one", "two"), OLD)
     assert effect_of_restart(LINKS, running, {"server": OLD, "one": NEW}, ["one"]).together == ()
 

@@ -66,7 +66,7 @@ def test_a_program_is_given_the_text_that_is_written(folder: Path, text: str) ->
 
 @settings(max_examples=25)
 @given(texts_for_quotes)
-def test_so_it_is_with_any_other(components: Path, text: str) -> None:
+def test_a_program_is_given_any_text_as_it_is_written(components: Path, text: str) -> None:
     if text != "+":
         check_given(components, text)
 

@@ -136,7 +136,7 @@ def test_what_it_prints_comes_before_its_end_line_by_line(tmp_path: Path) -> Non
     ]
 
 
-def test_one_that_says_nothing_of_itself_is_ready_when_it_runs(tmp_path: Path) -> None:
+def test_a_process_that_sends_no_notifications_is_ready_when_it_runs(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program("", notifies=False))
         await heard.until("exited")
@@ -144,7 +144,7 @@ def test_one_that_says_nothing_of_itself_is_ready_when_it_runs(tmp_path: Path) -
     assert launched(tmp_path, story).told == [("ready", "it"), ("exited", "it", 0)]
 
 
-def test_it_tells_how_it_is_once_ready_and_whatever_its_status(tmp_path: Path) -> None:
+def test_a_process_is_ready_once_and_may_report_any_status(tmp_path: Path) -> None:
     text = "notify('READY=1', 'STATUS=a\\tb'); notify('RELOADING=1'); notify('READY=1'); notify('X_ROBOCOMP_ENDED=arm')"
     heard = ended(NOTIFY + text, tmp_path)
     assert heard.told == [
@@ -573,7 +573,7 @@ def staying(component: Path) -> Process:
 
 
 @pytest.mark.parametrize("deed", ["stop", "kill"])
-def test_one_that_is_not_wanted_any_more_when_it_comes_is_ended_then_and_not_waited_for(
+def test_a_process_whose_start_was_abandoned_is_ended_and_not_waited_for(
     component: Path, tmp_path: Path, runtime_folder: Path, with_and_without_groups: None, deed: str
 ) -> None:
     stays = staying(component)
@@ -607,7 +607,9 @@ def test_a_process_being_started_is_abandoned_when_its_launcher_closes(
     assert launched(tmp_path / "run", story).told == []
 
 
-def test_one_that_comes_nevertheless_is_ended_then(component: Path, tmp_path: Path, runtime_folder: Path) -> None:
+def test_a_process_that_starts_although_it_was_abandoned_is_ended(
+    component: Path, tmp_path: Path, runtime_folder: Path
+) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         coming = await being_started(launcher, staying(component))
         assert launcher._fork_server
@@ -620,7 +622,7 @@ def test_one_that_comes_nevertheless_is_ended_then(component: Path, tmp_path: Pa
     launched(tmp_path / "run", story)
 
 
-def test_it_is_asked_to_end_even_while_it_is_stopped(tmp_path: Path) -> None:
+def test_a_suspended_process_is_asked_to_end(tmp_path: Path) -> None:
     async def story(launcher: Launcher, heard: Heard) -> None:
         await launcher.start(program(f"{NOTIFY}notify('READY=1'); os.kill(os.getpid(), signal.SIGSTOP)\n{FOREVER}"))
         await heard.until("ready")
@@ -630,7 +632,7 @@ def test_it_is_asked_to_end_even_while_it_is_stopped(tmp_path: Path) -> None:
     launched(tmp_path, story)
 
 
-def test_it_is_asked_to_end_even_before_it_has_a_group_of_its_own(
+def test_a_process_without_a_group_of_its_own_yet_is_asked_to_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killpg(pid: int, number: int) -> None:
@@ -701,7 +703,7 @@ def test_a_process_that_stops_feeding_its_watchdog_is_reported_aborted_and_ended
     assert any("most recent call first" in line for line in heard.lines())
 
 
-def test_one_that_does_not_heed_that_either_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hung_process_that_ignores_its_abortion_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local, "TRACES", 0.01)
     text = "signal.signal(signal.SIGABRT, signal.SIG_IGN); notify('WATCHDOG=trigger')"
     assert ended(f"{NOTIFY}{text}\n{FOREVER}", tmp_path).told == [("hung", "it"), ("exited", "it", -signal.SIGKILL)]

@@ -29,7 +29,7 @@ unsafe.end(3, frozenset(sys.modules))
 """
 
 
-def test_all_of_it_is_there() -> None:
+def test_all_private_names_exist_in_this_python() -> None:
     assert [name for name in PRIVATE if getattr(unsafe, name) is None] == []
 
 

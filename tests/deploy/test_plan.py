@@ -466,7 +466,7 @@ def test_a_configuration_cannot_choose_a_middleware_that_stays_in_a_process(fold
     )
 
 
-def test_neither_can_the_command_line(folder: Path) -> None:
+def test_the_command_line_cannot_choose_a_middleware_that_stays_in_a_process(folder: Path) -> None:
     overrides = Overrides(settings=(("sensor", "middleware=inproc"),))
     _, (found,) = plan(folder, "Component sensor { };", overrides)
     assert found.code == "unfit-middleware"
@@ -476,7 +476,7 @@ def test_neither_can_the_command_line(folder: Path) -> None:
     assert (found.code, found.hint) == ("unknown-middleware", "did you mean `zeromq`?")
 
 
-def test_nor_what_a_component_was_generated_for(tmp_path: Path) -> None:
+def test_a_component_generated_for_a_middleware_that_stays_in_a_process_cannot_be_alone(tmp_path: Path) -> None:
     (tmp_path / "sensor.cdsl").write_text(SENSOR.replace(' params "sensor.pdsl";', ""))
     assert rcgen([str(tmp_path / "sensor.cdsl"), "--middleware", "inproc"]) == 0
     (tmp_path / "net.ddsl").write_text('import "sensor.cdsl"; Deployment net { Component sensor { }; };')
@@ -637,7 +637,7 @@ def test_instances_that_name_one_process_are_run_by_one_command(folder: Path) ->
     ]
 
 
-def test_one_may_be_alone_in_a_process_that_has_a_name(folder: Path) -> None:
+def test_an_instance_may_be_alone_in_a_process_that_has_a_name(folder: Path) -> None:
     found, _ = plan(folder, "Component sensor { process p; }; Component driver { dependences sensor; };")
     assert found is not None
     shown = [(process.name, process.instances, process.after) for process in found.processes]
@@ -645,7 +645,7 @@ def test_one_may_be_alone_in_a_process_that_has_a_name(folder: Path) -> None:
     assert " + " not in command(found, "p")
 
 
-def test_those_that_share_a_process_may_talk_inside_of_it(folder: Path) -> None:
+def test_instances_that_share_a_process_may_use_a_middleware_that_stays_in_it(folder: Path) -> None:
     inside = "Component sensor { process p; }; Component driver { process p; };"
     assert errors(folder, f"middleware inproc; {inside}") == []
     assert errors(folder, inside, Overrides("inproc")) == []
@@ -714,7 +714,7 @@ def test_the_network_sets_the_qos_of_a_port(folder: Path) -> None:
     assert "laserpub.qos" not in command(found, "filter")
 
 
-def test_it_is_the_one_that_counts(folder: Path) -> None:
+def test_qos_of_the_network_is_compared_between_the_ends_of_a_link(folder: Path) -> None:
     network = "Component sensor { %s }; Component recorder { %s };"
     assert errors(folder, network % ("", "qos LaserPub(best_effort);")) == []
     assert errors(folder, network % ("qos LaserPub(reliable);", "")) == []
@@ -723,7 +723,7 @@ def test_it_is_the_one_that_counts(folder: Path) -> None:
     assert f"({folder}/net.ddsl:7)" in found.message
 
 
-def test_so_is_that_of_a_configuration(folder: Path) -> None:
+def test_qos_of_a_configuration_is_compared_between_the_ends_of_a_link(folder: Path) -> None:
     (folder / "asks.toml").write_text('[ports.LaserPub.pushLaserData]\nqos = { durability = "transient_local" }\n')
     _, (found,) = plan(folder, 'Component sensor { }; Component driver { config "asks.toml"; };')
     assert found.code == "qos-mismatch"

@@ -356,7 +356,7 @@ def test_a_process_given_up_later_fails_the_exit_code_while_others_run_on() -> N
     assert history[5:] == [[GaveUp("lidar", 1)], [], [Stop("speech")], [Finish(1)]]
 
 
-def test_one_that_ends_well_too_often_was_given_up_too() -> None:
+def test_a_process_that_ends_well_too_often_is_given_up() -> None:
     once = replace(LIDAR, restart=Restart(When.ALWAYS, intensity=1))
     history = replay(Ready("lidar"), Exited("lidar", 0), (0.2, Tick()), Exited("lidar", 0), network=(once,))
     assert history[-1] == [GaveUp("lidar", 1), Finish(1)]
@@ -392,7 +392,7 @@ def test_a_process_that_waits_for_a_lost_dependency_does_not_keep_the_network_al
 # Those that hang.
 
 
-def test_one_that_hangs_has_failed_whatever_its_exit_code() -> None:
+def test_a_process_that_hangs_has_failed_whatever_its_exit_code() -> None:
     history = replay(Ready("lidar"), Hung("lidar"), Exited("lidar", 0), (0.2, Tick()), network=(TENACIOUS,))
     assert deeds(history)[2:] == [[], [], [Start("lidar")]]
 
@@ -401,7 +401,7 @@ def test_no_process_starts_after_one_that_hangs() -> None:
     assert replay(Hung("lidar"), Ready("lidar"))[1:] == [[], []]
 
 
-def test_one_that_hangs_is_stopped_like_the_others() -> None:
+def test_a_process_that_hangs_is_stopped_like_the_others() -> None:
     history = replay(Ready("lidar"), Hung("lidar"), StopRequested(), (5.0, Tick()), network=(LIDAR,))
     assert history[3:] == [[Stop("lidar")], [Kill("lidar")]]
 
@@ -449,7 +449,7 @@ def test_a_group_restarts_only_after_all_its_processes_have_ended() -> None:
 CHAIN = (A, replace(B, after=("a",)), replace(C, after=("b",)))
 
 
-def test_those_that_go_together_stop_and_start_in_their_order() -> None:
+def test_processes_that_restart_together_stop_and_start_in_their_order() -> None:
     history = group(
         Escalation.ONE_FOR_ALL, Exited("a", 1), Exited("c", TERM), Exited("b", TERM), (0.2, Tick()), Ready("a"),
         Ready("b"), network=CHAIN,
@@ -513,7 +513,7 @@ def test_another_end_while_they_start_again_starts_them_all_again() -> None:
     assert deeds(history) == [[Stop("b")], [], [Start("a"), Start("b")], [Stop("a")], [], [Start("a"), Start("b")]]
 
 
-def test_one_that_never_starts_again_does_so_with_the_others_but_not_for_its_own_end() -> None:
+def test_a_process_that_is_never_restarted_for_its_own_end_restarts_with_the_others() -> None:
     network = (A, Child("b"))
     along = group(Escalation.ONE_FOR_ALL, Exited("a", 1), Exited("b", 0), (0.2, Tick()), network=network)
     assert along[-1] == [Start("a"), Start("b")]

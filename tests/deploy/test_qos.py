@@ -134,7 +134,7 @@ def test_a_qos_that_the_middleware_does_not_offer_is_reported_for_each_end(
     assert faults[0].hint == "choose another middleware for it, or ask for less"
 
 
-def test_so_is_what_a_middleware_does_not_offer_that_the_other_end_names(check: Check, modest: str) -> None:
+def test_a_qos_that_the_middleware_of_the_other_end_does_not_offer_is_reported(check: Check, modest: str) -> None:
     [found] = check("deadline 1 s", "", config=f'middleware = "{modest}"')
     assert found.code == "unfit-middleware"
     assert "`modest` (viewer: " in found.message

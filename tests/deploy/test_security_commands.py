@@ -116,7 +116,7 @@ def test_the_command_that_makes_them_has_the_options_that_change_the_network(
     assert rcdeploy([*changed, "--for", "0"]) == 0
 
 
-def test_nor_with_expired_ones_until_they_are_renewed(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_network_does_not_start_with_expired_certificates(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rcdeploy(["keys", str(net)]) == 0
     expire(net, "sensor")
     assert rcdeploy([str(net), "--for", "0"]) == 1
@@ -127,7 +127,7 @@ def test_nor_with_expired_ones_until_they_are_renewed(net: Path, capsys: pytest.
     assert rcdeploy([str(net), "--for", "0"]) == 0
 
 
-def test_nor_what_is_open_without_a_word_on_the_command_line(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_open_network_needs_an_option_to_start(net: Path, capsys: pytest.CaptureFixture[str]) -> None:
     net.write_text(NETWORK.format("open"))
     assert rcdeploy([str(net), "--for", "0"]) == 1
     assert "add --insecure" in capsys.readouterr().err

@@ -218,7 +218,7 @@ def test_keys_that_expire_soon_are_reported_and_the_network_starts(folder: Path)
     assert "expires on" in warnings[0]
 
 
-def test_one_that_another_authority_signed_is_named_and_made_again(folder: Path) -> None:
+def test_a_certificate_of_another_authority_is_named_and_made_again(folder: Path) -> None:
     made(network(), folder)
     (folder / "ca" / "ca.key").unlink()
     made(network(names=("camera", "viewer")), folder)  # by a new authority
@@ -231,7 +231,7 @@ def test_one_that_another_authority_signed_is_named_and_made_again(folder: Path)
     assert "certificate of viewer" in {each.what for each in made(network(), folder) if each.is_new}
 
 
-def test_one_that_is_missing_is_named(folder: Path) -> None:
+def test_a_missing_certificate_is_named(folder: Path) -> None:
     made(network(), folder)
     (folder / "viewer" / "certificate.pem").unlink()
     errors, _ = troubles(network(), folder, NOW)

@@ -155,7 +155,7 @@ def test_routers_and_components_speak_tls_in_a_network_that_is_encrypted():
     assert all(each.startswith("tls/") for each in routers["base"]["connect/endpoints"])
 
 
-def test_those_that_meet_over_dds_are_on_the_address_of_their_host_and_know_the_others():
+def test_over_dds_instances_use_the_address_of_their_host_and_know_the_others():
     wiring = wire(network([LASER, WANDER], way("wander", "laser", "dds")))
     found = read(wiring, "laser")["dds"]
     assert found["interface"] == ROBOT

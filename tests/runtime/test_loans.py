@@ -284,7 +284,7 @@ def test_a_block_left_by_an_exception_sends_nothing_and_gives_the_memory_back() 
     assert (feed.outlet.sent, feed.outlet.given_back) == ([], 1)
 
 
-def test_nor_can_be_written_any_more_to_what_was_given_back() -> None:
+def test_memory_that_was_given_back_is_read_only() -> None:
     feed = Feed(FRAME)
     with contextlib.suppress(KeyError), feed.loan(frame, 100) as filled:
         raise KeyError("the camera")
@@ -292,7 +292,7 @@ def test_nor_can_be_written_any_more_to_what_was_given_back() -> None:
         filled.pixels[0] = 2
 
 
-def test_nor_does_a_message_that_does_not_fit_its_type() -> None:
+def test_a_filled_message_that_does_not_fit_its_type_is_not_sent() -> None:
     feed = Feed(FRAME)
     with pytest.raises(EncodeError, match="text must be a str"), feed.loan(frame, 100) as filled:
         filled.text = 7
@@ -320,7 +320,7 @@ def test_what_is_no_shape_is_refused_before_anything_is_borrowed(shape: Any) -> 
     assert feed.outlet.octets.size == 0
 
 
-def test_nor_is_more_borrowed_than_a_message_may_have() -> None:
+def test_no_more_is_borrowed_than_a_message_may_have() -> None:
     feed = Feed(FRAME)
     with pytest.raises(EncodeError, match=f"a message may have {MAX_BYTES}"), feed.loan(frame, (100_000, 100_000)):
         raise AssertionError("nothing to fill")
@@ -353,7 +353,7 @@ def test_without_loans_the_message_is_sent_as_usual(codec: Codec) -> None:
     assert (text, pixels.tolist()) == ("plain", list(range(15)))
 
 
-def test_nor_where_the_codec_cannot_make_use_of_them() -> None:
+def test_a_codec_that_cannot_fill_in_place_gets_no_loans() -> None:
     feed = Feed(FRAME, Lending(), Identity())
     assert not feed.loans.in_place
 

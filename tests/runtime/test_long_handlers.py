@@ -85,7 +85,7 @@ def test_another_thread_receives_while_a_handler_runs_that_has_taken_long(port: 
 
 
 @pytest.mark.parametrize("port", PORTS)
-def test_that_also_holds_for_frequent_calls_of_which_few_are_timed(port: Port, steps: list[str]) -> None:
+def test_another_thread_receives_also_if_few_of_the_frequent_calls_are_timed(port: Port, steps: list[str]) -> None:
     with bound(port, steps) as (call, tally):
         for _ in range(200):
             call(0.0)

@@ -119,7 +119,7 @@ def test_a_signal_that_is_lost_while_it_is_made_ends_it_all_the_same(hello: Path
         worker.write_text(before)
 
 
-def test_it_also_runs_as_a_module(hello: Path) -> None:
+def test_a_component_runs_as_a_module(hello: Path) -> None:
     with started("hello", cwd=hello.parent) as process:
         process.send_signal(signal.SIGINT)
     assert process.returncode == 130

@@ -217,7 +217,7 @@ def test_a_server_that_goes_away_only_cuts_a_compute_short(find: Any, caplog: py
     assert sum("did not complete" in record.message for record in caplog.records) <= 4
 
 
-def test_it_waits_for_what_it_requires_and_says_so(find: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_component_waits_for_what_it_requires_and_says_so(find: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO")
     made = make(Pupil, find)
     with running(made, ready=False) as pupil:

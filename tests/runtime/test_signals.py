@@ -76,7 +76,7 @@ def test_a_process_that_is_forked_meanwhile_takes_signals_as_before(received: li
     assert received == []
 
 
-def test_it_ends_though_a_process_that_was_forked_meanwhile_lives() -> None:
+def test_signal_handling_ends_while_a_forked_process_lives_on() -> None:
     with Signals(lambda _: None):
         pid = fork()
     os.kill(pid, signal.SIGKILL)

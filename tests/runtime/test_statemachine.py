@@ -254,7 +254,7 @@ def test_firing_out_of_a_state_that_is_not_active_is_ignored_with_a_warning(capl
     assert warnings == ["t_up_to_down() was ignored: `up` is not active; active: start"]
 
 
-def test_it_is_warned_again_once_the_machine_has_moved(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_ignored_transition_is_warned_of_again_once_the_machine_has_moved(caplog: pytest.LogCaptureFixture) -> None:
     with playing() as test:
         worker = test.worker
         for fire in (worker.t_play_to_over, worker.t_start_to_play, worker.t_play_to_start, worker.t_play_to_over):

@@ -197,7 +197,7 @@ def test_a_lease_is_bounded(lease: float, access: Access) -> None:
         assert "IntrospectionPub" not in _interfaces()
 
 
-def test_one_that_is_not_there_cannot_be_watched(access: Access) -> None:
+def test_a_component_that_does_not_run_cannot_be_watched(access: Access) -> None:
     with pytest.raises(Unreachable, match=r"nobody is not there, or has no Introspection.watch"):
         asking.watch(access, take_census(["shm"]), "nobody", calls=True, logs=True, lease=1.0)
 

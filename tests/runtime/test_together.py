@@ -87,7 +87,7 @@ def test_the_process_is_ready_once_all_are(told: Told) -> None:
     assert told.lines == ["READY=1", "STOPPING=1"]
 
 
-def test_those_that_require_each_other_start_in_any_order(told: Told) -> None:
+def test_components_that_require_each_other_start_in_any_order(told: Told) -> None:
     together = Together(told)
     pupil = together.add(Pupil, settings("pupil", middleware="inproc"))
     together.add(Calculator, settings("calculator", middleware="inproc"))
@@ -111,7 +111,7 @@ def test_a_dependent_component_starts_when_its_dependency_is_ready(told: Told) -
     assert story == ["early begins", "late begins", "early ends", "late ends"]
 
 
-def test_they_are_stopped_one_after_the_other_the_last_one_first(told: Told) -> None:
+def test_components_are_stopped_one_after_the_other_the_last_one_first(told: Told) -> None:
     story: list[str] = []
     together = Together(told)
     for name in ("one", "two", "three"):
@@ -122,7 +122,7 @@ def test_they_are_stopped_one_after_the_other_the_last_one_first(told: Told) -> 
     assert outcome == [True]
 
 
-def test_one_that_fails_takes_the_others_along(told: Told, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_component_that_fails_stops_the_others(told: Told, caplog: pytest.LogCaptureFixture) -> None:
     story: list[str] = []
     gate = threading.Event()
 
@@ -158,7 +158,7 @@ def test_a_component_that_ends_normally_does_not_stop_the_others(told: Told) -> 
     assert outcome == [True]
 
 
-def test_one_that_has_done_its_work_before_the_others_are_ready_does_not_keep_them_from_it(told: Told) -> None:
+def test_a_component_that_ends_before_the_others_are_ready_does_not_hold_them_up(told: Told) -> None:
     class Brief(Diary):
         def initialize(self) -> None:
             self.stop()

@@ -133,7 +133,7 @@ def test_an_unknown_publisher_cannot_be_lost() -> None:
     assert [looking.look(float(now)) for now in range(5)] == [[]] * 5
 
 
-def test_it_is_looked_several_times_in_a_lease() -> None:
+def test_a_publisher_is_looked_for_several_times_in_a_lease() -> None:
     looking = Looking(QoS(lease=0.4), FRONT)
     looking.look(0.0)
     assert 0 < looking.watch.due() <= 0.1
@@ -196,7 +196,7 @@ def test_strangers_that_are_heard_and_never_seen_are_not_lost() -> None:
     assert looking.look(5.0) == []
 
 
-def test_so_many_channels_and_no_more_are_watched() -> None:
+def test_the_number_of_watched_channels_is_bounded() -> None:
     watch = Watch(QoS(deadline=1.0))
     for number in range(CHANNELS + 100):
         watch.heard(f"i{number}/LaserPub/push", 0.0)

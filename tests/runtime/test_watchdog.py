@@ -69,13 +69,13 @@ def watched(*every: Component, wishes: tuple[float | None, ...] = (None,)) -> It
         yield told
 
 
-def test_one_that_gets_on_says_so_again_and_again(component: Component) -> None:
+def test_a_component_that_makes_progress_feeds_the_watchdog(component: Component) -> None:
     with watched(component) as told:
         wait_until(lambda: len(told) > 3)
     assert set(told) == {"WATCHDOG=1"}
 
 
-def test_one_that_is_at_the_same_thing_is_silent_and_one_that_waits_for_an_answer_is_not(component: Component) -> None:
+def test_a_component_that_is_stuck_is_silent_and_one_that_waits_for_an_answer_is_not(component: Component) -> None:
     with component.monitor.held(), watched(component) as told:
         component.looked_at(2)  # at the first look it may just have begun
         told.clear()
@@ -96,7 +96,9 @@ def test_the_log_says_once_what_it_is_busy_with(component: Component, caplog: py
     assert float(found[1]) > 0.01
 
 
-def test_one_that_gets_on_is_busy_with_nothing(component: Component, caplog: pytest.LogCaptureFixture) -> None:
+def test_nothing_is_logged_of_a_component_that_makes_progress(
+    component: Component, caplog: pytest.LogCaptureFixture
+) -> None:
     with watched(component):
         component.looked_at(10)
     assert not caplog.records
@@ -127,7 +129,7 @@ def test_its_configuration_overrides_its_launcher(component: Component) -> None:
     assert told[:2] == ["WATCHDOG_USEC=12000\nWATCHDOG=1", "WATCHDOG=1"]
 
 
-def test_one_that_may_take_as_long_as_it_likes_says_so_once(component: Component) -> None:
+def test_a_component_without_a_limit_says_so_once(component: Component) -> None:
     with watched(component, wishes=(0.0, 0.006)) as told, component.monitor.held():
         wait_until(lambda: told)
     assert told == ["WATCHDOG_USEC=0"]

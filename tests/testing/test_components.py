@@ -128,7 +128,7 @@ def test_a_fake_of_what_is_not_there_is_a_mistake(fakes: dict[str, Any], said: s
         ComponentTest(Comparing, **fakes)
 
 
-def test_so_is_asking_for_what_is_not_there() -> None:
+def test_asking_for_what_is_not_there_is_a_mistake() -> None:
     with ComponentTest(Comparing) as component:
         for use in (
             lambda: component.received("everything.wrok"),
@@ -157,7 +157,7 @@ def test_configuration_may_have_lists_and_any_text() -> None:
     assert found == {"word": 'a "quoted" \\ wörd', "motors": ({"name": "left"}, {"name": "right"})}
 
 
-def test_one_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_component_that_does_not_start_leaves_nothing_running(monkeypatch: pytest.MonkeyPatch) -> None:
     def given_up(*arguments: object) -> None:
         raise AssertionError("not ready")
 
@@ -271,7 +271,7 @@ class Commanding(Asking):
         self.note(lambda: self.everything_proxy.poke(7))
 
 
-def test_so_can_a_command_fail_to_be_sent() -> None:
+def test_a_command_can_fail_to_be_sent() -> None:
     with ComponentTest(Commanding, everything={"poke": in_turn(None, Unreachable("x"), None)}) as component:
         component.wait_for(lambda: len(component.worker.outcomes) > 3)
     assert component.worker.outcomes[:4] == ["None", "Unreachable", "None", "None"]

@@ -240,7 +240,7 @@ def test_a_level_of_logging_lasts_as_long_as_the_component(access: Access) -> No
     assert logger.level == logging.NOTSET
 
 
-def test_one_that_has_ended_has_no_answer(access: Access) -> None:
+def test_a_component_that_has_ended_has_no_answer(access: Access) -> None:
     with running(make(Diary, find_transport, OVER)):
         network = there("diary")
     assert asking.describe(access, network, "diary", 0.2) is None
@@ -292,7 +292,7 @@ def test_an_answer_of_another_form_is_none(kind: Any, answer: Any, access: Acces
         assert asking.describe(access, there("odd"), "odd") is None
 
 
-def test_one_that_does_not_answer_in_time_has_no_answer(access: Access) -> None:
+def test_a_component_that_does_not_answer_in_time_has_no_answer(access: Access) -> None:
     released = threading.Event()
 
     class Silent(Odd):

@@ -189,7 +189,9 @@ def test_components_that_nothing_runs_tell_their_records_themselves(
     assert all(each.startswith("new") for each in found)
 
 
-def test_both_are_followed_together(chatty: Any, network: Running, capsys: pytest.CaptureFixture[str]) -> None:
+def test_records_of_components_and_of_networks_are_followed_together(
+    chatty: Any, network: Running, capsys: pytest.CaptureFixture[str]
+) -> None:
     def speak(number: int) -> None:
         chatty.log.warning("new %d", number)
         write(network, "laser", record(f"new {number}"))

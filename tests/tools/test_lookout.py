@@ -79,7 +79,9 @@ def test_a_plan_of_another_version_is_an_error(access: Access) -> None:
         Lookout(access, lambda: {"name": 1}, partial(take_each, ["shm"])).look()
 
 
-def test_those_that_did_not_answer_are_asked_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch, access: Access) -> None:
+def test_components_that_did_not_answer_are_asked_a_few_at_a_time(
+    monkeypatch: pytest.MonkeyPatch, access: Access
+) -> None:
     asked: list[list[str]] = []
     answering = {"a", "b"}
 

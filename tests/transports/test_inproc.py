@@ -176,7 +176,7 @@ def test_with_hand_over_it_is_always_another_thread() -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_nor_does_a_caller_that_hands_over_run_what_others_serve(transport: InprocTransport) -> None:
+def test_a_caller_that_hands_over_does_not_run_what_others_serve(transport: InprocTransport) -> None:
     trusted(transport, whoever_runs_it)
     handing_over = InprocTransport(TransportConfig({"bus": "alone", "hand_over": True}))
     try:

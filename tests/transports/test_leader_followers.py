@@ -348,7 +348,7 @@ def test_whatever_a_service_raises_its_call_fails_and_that_is_logged(
     assert "a service raised" in caplog.text
 
 
-def test_so_it_is_if_its_future_fails(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_call_fails_if_the_future_of_its_service_does(caplog: pytest.LogCaptureFixture) -> None:
     answers: list[Reply] = []
     reply: Future[Reply] = Future()
     Servant("test", lambda payload, expires: reply, Statistics()).serve(None, inf, answers.append)

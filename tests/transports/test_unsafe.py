@@ -23,7 +23,7 @@ PRIVATE = ("_inotify_init1", "_inotify_add_watch", "_prctl", "_ensure", "_releas
 MISSING: Any = None
 
 
-def test_all_of_it_is_there() -> None:
+def test_all_private_names_exist_in_this_python() -> None:
     assert [name for name in PRIVATE if getattr(unsafe, name) is None] == []
 
 

@@ -104,7 +104,7 @@ def test_the_items_of_a_message_are_counted_together(codec: Codec) -> None:
 
 
 @every_wire
-def test_so_are_structs_of_fixed_size(codec: Codec) -> None:
+def test_structs_of_fixed_size_are_counted(codec: Codec) -> None:
     kind = Sequence(e.Nothing.__contract__)
     for count, fits in ((1000, True), (MAX_ITEMS + 1, False)):
         match codec:

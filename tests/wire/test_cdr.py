@@ -220,7 +220,7 @@ def test_sensor_messages_are_written_as_by_the_others(message: Struct, values: t
 
 
 @pytest.mark.parametrize(("message", "values"), SENSORS, ids=[message.name for message, _ in SENSORS])
-def test_they_are_those_of_ros_2(message: Struct, values: tuple[Any, ...]) -> None:
+def test_sensor_messages_are_written_as_by_ros_2(message: Struct, values: tuple[Any, ...]) -> None:
     assert encoded(message, *values) == by_ros2(message, values)
 
 
@@ -231,7 +231,7 @@ def test_received_arrays_are_views_of_the_payload() -> None:
         assert np.shares_memory(array, np.frombuffer(payload, np.uint8))
 
 
-def test_they_are_aligned_if_the_payload_is_placed_well() -> None:
+def test_received_arrays_are_aligned_if_the_payload_is_placed_well() -> None:
     payload = encoded(struct(UINT8, Sequence(FLOAT64)), 1, [0.5])
     buffer = bytearray(4 + len(payload))
     memoryview(buffer)[4:] = payload

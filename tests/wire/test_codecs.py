@@ -215,7 +215,9 @@ def test_what_happens_to_an_array_after_it_was_encoded_does_not_show(codec: Code
 @every_codec
 @pytest.mark.parametrize("size", [SMALL, LARGE * 8])
 @pytest.mark.parametrize("make", [bytearray, lambda data: array.array("B", data)], ids=["bytearray", "array"])
-def test_nor_what_happens_to_a_buffer(codec: Codec, size: int, make: Callable[[bytes], Any]) -> None:
+def test_what_happens_to_a_buffer_after_it_was_encoded_does_not_show(
+    codec: Codec, size: int, make: Callable[[bytes], Any]
+) -> None:
     buffer = make(bytes(size))
     payload = codec.encoder(one(Sequence(UINT8)))((buffer,))
     buffer[0] = 1
@@ -224,7 +226,7 @@ def test_nor_what_happens_to_a_buffer(codec: Codec, size: int, make: Callable[[b
 
 
 @every_codec
-def test_nor_what_happens_to_lists_dicts_and_structs(codec: Codec) -> None:
+def test_what_happens_to_lists_dicts_and_structs_after_they_were_encoded_does_not_show(codec: Codec) -> None:
     sent, expected = rich(), rich()
     payload = codec.encoder(RICH)(sent)
     nested = sent[0]
@@ -280,7 +282,7 @@ def test_messages_above_the_limit_are_not_sent(codec: Codec) -> None:
 
 
 @every_codec
-def test_nor_is_the_sum_of_many_arrays(codec: Codec) -> None:
+def test_many_arrays_above_the_limit_are_not_sent(codec: Codec) -> None:
     half = np.zeros(MAX_BYTES // 2 + 1, np.uint8)
     half.flags.writeable = False
     with pytest.raises(EncodeError, match=f"a message may have {MAX_BYTES}"):
@@ -296,7 +298,7 @@ def test_nor_is_the_sum_of_many_arrays(codec: Codec) -> None:
     ],
     ids=["cdr", "ice", "messagepack, apart"],
 )
-def test_nor_are_they_received(codec: Codec, payload: Callable[[], Payload]) -> None:
+def test_messages_above_the_limit_are_not_received(codec: Codec, payload: Callable[[], Payload]) -> None:
     sent = payload()
     if codec.name in HEADS:
         sent[: len(HEADS[codec.name])] = HEADS[codec.name]

@@ -27,13 +27,13 @@ def test_a_frozen_array_is_shared() -> None:
     assert np.shares_memory(hand_over(frozen), frozen)
 
 
-def test_so_is_a_received_one_that_is_sent_on() -> None:
+def test_a_received_array_that_is_sent_on_is_shared() -> None:
     received = hand_over(np.arange(5.0))
     assert np.shares_memory(hand_over(received), received)
     assert np.shares_memory(hand_over(received[1:3]), received)
 
 
-def test_so_are_bytes() -> None:
+def test_bytes_are_shared() -> None:
     message, octets = one(Sequence(UINT8)), b"octets"
     (received,) = CODEC.decoder(message)(CODEC.encoder(message)((octets,)))
     assert np.shares_memory(received, np.frombuffer(octets, np.uint8))

@@ -113,7 +113,7 @@ def test_others_write_the_same_octets_of_them(name: str) -> None:
 @every_codec
 @pytest.mark.parametrize("count", [3, 100])
 @pytest.mark.parametrize("wrong", ["1.0", None, 1e39])
-def test_one_that_does_not_fit_is_named(codec: Codec, count: int, wrong: Any) -> None:
+def test_an_item_that_does_not_fit_is_named(codec: Codec, count: int, wrong: Any) -> None:
     kind = KINDS["float32"]
     items = rows(kind, count)
     items[count - 2].f1 = wrong

@@ -118,7 +118,7 @@ def test_arrays_of_any_size_come_back(kind: Primitive, size: int) -> None:
     assert len(payload) == (1 if size < APART else 2)
 
 
-def test_they_are_received_without_a_copy() -> None:
+def test_arrays_are_received_without_a_copy() -> None:
     payload = [bytes(part) for part in CODEC.encoder(one(Sequence(FLOAT64)))((np.ones(APART),))]
     (array,) = CODEC.decoder(one(Sequence(FLOAT64)))(payload)
     assert np.shares_memory(array, np.frombuffer(payload[1], np.uint8))

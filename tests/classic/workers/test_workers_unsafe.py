@@ -62,7 +62,7 @@ def printed(code: str, seconds: float, *missing: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_all_of_it_is_there() -> None:
+def test_all_private_names_exist_in_this_python() -> None:
     assert [name for name in PRIVATE if getattr(unsafe, name) is None] == []
     assert [name for name in unsafe.POOL if not hasattr(unsafe.Pool(1), name)] == []
     assert [name for name in unsafe.CONDITION if not hasattr(unsafe.Condition(), name)] == []

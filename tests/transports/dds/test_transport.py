@@ -140,7 +140,7 @@ def _inbox(transport: DDSTransport, channel: Channel) -> list[bytes]:
     return inbox
 
 
-def test_it_is_installed() -> None:
+def test_the_transport_is_installed() -> None:
     assert find_transport("dds") is DDSTransport
 
 
@@ -578,7 +578,9 @@ def test_what_a_best_effort_publisher_sends_to_a_slow_reliable_subscriber_is_bou
     assert 'reliability = "best_effort"' in caplog.text
 
 
-def test_so_are_the_bytes_that_wait(here: DDSTransport, there: DDSTransport, name: str) -> None:
+def test_the_bytes_that_wait_for_a_slow_subscriber_are_bounded(
+    here: DDSTransport, there: DDSTransport, name: str
+) -> None:
     release, heard = threading.Event(), list[int]()
 
     def sink(payload: Any) -> None:

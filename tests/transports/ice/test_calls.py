@@ -289,7 +289,7 @@ def test_a_host_that_does_not_exist_is_unreachable(opening: Open, caplog: pytest
 
 
 @both_ways
-def test_one_that_is_killed_in_a_call_makes_it_unreachable(
+def test_a_program_that_is_killed_in_a_call_makes_it_unreachable(
     asking: Transport, echo: Callable[..., Echo], how: str, pool: ThreadPoolExecutor
 ) -> None:
     program = echo()
@@ -301,7 +301,7 @@ def test_one_that_is_killed_in_a_call_makes_it_unreachable(
 
 
 @both_ways
-def test_one_that_hangs_is_waited_for_until_the_deadline(
+def test_a_program_that_hangs_is_waited_for_until_the_deadline(
     asking: Transport, echo: Callable[..., Echo], how: str
 ) -> None:
     program = echo()
@@ -343,7 +343,7 @@ def test_what_one_raises_does_not_cost_the_connection(asking: Transport, echo: C
 
 
 @both_ways
-def test_one_that_is_started_again_is_found_where_it_was(
+def test_a_program_that_is_started_again_is_found_where_it_was(
     asking: Transport, echo: Callable[..., Echo], how: str
 ) -> None:
     caller, outlet = asking.caller(query(NAME)), asking.outlet(command(NAME))

@@ -175,7 +175,7 @@ def test_requests_that_were_read_and_wait_are_bounded_for_all_servers_of_a_trans
     assert answers.count(Status.OK) == len(served) == 4
 
 
-def test_one_that_cannot_be_taken_does_not_hinder_the_others(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_request_that_cannot_be_taken_does_not_hinder_the_others(caplog: pytest.LogCaptureFixture) -> None:
     from robocomp_py.transports.ice import objects
 
     intake = objects.Intake()

@@ -67,7 +67,7 @@ def answers(storm: str) -> bool:
 # -- running it ------------------------------------------------------------------------
 
 
-def test_it_answers_while_it_is_hosted_and_nothing_is_left_afterwards(storm: str) -> None:
+def test_icestorm_answers_while_it_is_hosted_and_nothing_is_left_afterwards(storm: str) -> None:
     with hosted(storm):
         assert answers(storm)
         pid = process_of(storm)
@@ -75,7 +75,7 @@ def test_it_answers_while_it_is_hosted_and_nothing_is_left_afterwards(storm: str
     assert not list((runtime_dir() / "ice").glob("icestorm*"))
 
 
-def test_it_answers_at_an_ipv6_address(storm: str) -> None:
+def test_icestorm_answers_at_an_ipv6_address(storm: str) -> None:
     there = storm.replace("127.0.0.1", '"::1"')
     with hosted(there):
         assert answers(there)
@@ -106,7 +106,7 @@ def test_an_icestorm_that_dies_is_reported_and_restarted(storm: str, caplog: pyt
         assert process_of(storm) != first
 
 
-def test_it_ends_with_its_host_process_even_if_that_is_killed(storm: str) -> None:
+def test_icestorm_ends_with_its_host_process_even_if_that_is_killed(storm: str) -> None:
     program = (
         "import os; from robocomp_py.transports.base import hosting, TransportConfig\n"
         f"with hosting('ice', TransportConfig({{'storm': {storm!r}}}, 'net')): os.kill(os.getpid(), 9)"
@@ -185,7 +185,7 @@ def test_without_one_a_topic_is_not_opened_and_the_error_says_what_to_start(
     assert "start RoboComp's `rcnode` or `rc host ice`" in told[0]
 
 
-def test_one_that_is_started_a_little_later_is_waited_for(storm: str) -> None:
+def test_an_icestorm_that_is_started_a_little_later_is_waited_for(storm: str) -> None:
     with contextlib.ExitStack() as later, contextlib.closing(open_ice(storm=storm)) as transport:
         later.callback(_soon(lambda: later.enter_context(hosted(storm))))
         assert transport.outlet(topic(NAME)).stats.dropped == 0

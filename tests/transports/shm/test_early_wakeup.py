@@ -26,7 +26,7 @@ def test_the_quicker_way_is_taken_and_the_usual_one_if_there_is_no_difference(ea
     assert calls(trial, rest, 100e-6, early_s) == (rest if pays else 0)
 
 
-def test_it_is_tried_again_since_what_is_quicker_may_change() -> None:
+def test_waking_early_is_tried_again_since_what_is_quicker_may_change() -> None:
     trial = EarlyWakeup()
     assert calls(trial, EVERY, 100e-6, 80e-6) == EVERY - TRIES
     assert calls(trial, EVERY, 50e-6, 80e-6) == TRIES

@@ -39,7 +39,7 @@ def passes(writer: samples.Writer, reader: samples.Reader) -> bool:
     return True
 
 
-def test_all_of_it_is_there() -> None:
+def test_all_private_names_exist_in_the_libraries() -> None:
     assert unsafe._madvise is not None
     assert hasattr(iceoryx2.Publisher, "__loan_slice_uninit")
     assert hasattr(iceoryx2.SampleMutUninit, "__assume_init")

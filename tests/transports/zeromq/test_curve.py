@@ -90,7 +90,7 @@ def test_a_client_with_an_admitted_key_is_answered(keys: Keys, outsider: Outside
 
 
 @pytest.mark.parametrize("who", ["no key", "a key that is not admitted", "a wrong key of the server"])
-def test_others_are_not_and_the_reason_is_logged(
+def test_a_client_without_an_admitted_key_is_refused_and_the_reason_is_logged(
     keys: Keys, outsider: Outsider, address: str, caplog: pytest.LogCaptureFixture, who: str
 ) -> None:
     stranger = keys.make("stranger")

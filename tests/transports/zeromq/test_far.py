@@ -240,7 +240,7 @@ def test_a_client_with_another_link_is_refused_the_operations_outside_it(
     assert "it has no right to it" in caplog.text
 
 
-def test_nor_does_it_hear_of_it(hosts: Hosts) -> None:
+def test_a_client_with_another_link_does_not_learn_of_operations_outside_it(hosts: Hosts) -> None:
     camera, other = hosts.camera(), hosts.user("other")
     divide(camera)
     count = Channel("robot/camera/Everything/count", Pattern.QUERY, TypeRef("", 3, "count"))

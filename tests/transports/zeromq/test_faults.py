@@ -111,7 +111,7 @@ def impostor(transport: ZeroMQTransport, tmp_path: Path) -> Iterator[Callable[[s
         yield announce
 
 
-def test_others_are_served_while_some_say_half_of_something_and_hang(
+def test_clients_are_served_while_others_send_half_a_message_and_hang(
     transport: ZeroMQTransport, other: ZeroMQTransport, hanging: Callable[[str, bytes], None]
 ) -> None:
     transport.server(query("a/b/c"), answering(transport, bytes.upper))
@@ -125,7 +125,7 @@ def test_others_are_served_while_some_say_half_of_something_and_hang(
         assert unblob(other, caller.ask(blob(other, data), SOON).payload) == data
 
 
-def test_others_hear_a_publisher_at_which_some_hang(
+def test_subscribers_hear_a_publisher_while_others_hang(
     transport: ZeroMQTransport, other: ZeroMQTransport, hanging: Callable[[str, bytes], None]
 ) -> None:
     outlet, heard = transport.outlet(topic("a/b/c")), list[bytes]()

@@ -67,7 +67,7 @@ def test_a_single_one_rings_once(day: Day) -> None:
     assert alarm.at is None
 
 
-def test_one_that_is_stopped_or_started_again_forgets_its_time(day: Day) -> None:
+def test_an_alarm_that_is_stopped_or_started_again_forgets_its_time(day: Day) -> None:
     one, other = day.alarm("one"), day.alarm("other")
     day.start(one, 1.0)
     day.start(other, 1.0)
@@ -107,7 +107,7 @@ def test_the_older_of_two_things_comes_first(day: Day) -> None:
     assert day.at(103.0) == ["early", "posted", "late"]
 
 
-def test_one_that_always_rings_lets_others_in_between(day: Day) -> None:
+def test_an_alarm_that_always_rings_lets_others_in_between(day: Day) -> None:
     day.start(day.alarm("always"), 0.0)
     for name in "ab":
         day.agenda.post(lambda name=name: day.done.append(name))
@@ -127,7 +127,7 @@ def test_an_alarm_does_not_ring_inside_of_itself(day: Day) -> None:
     assert day.done == ["in", "out"]
 
 
-def test_one_that_fails_rings_again(day: Day) -> None:
+def test_an_alarm_that_fails_rings_again(day: Day) -> None:
     def ring() -> None:
         raise ValueError("bad")
 
