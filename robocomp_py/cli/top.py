@@ -92,7 +92,7 @@ def _looks(access: Access, options: argparse.Namespace, hosts: Hosts) -> Iterato
         where = asking.hosts(network)
         heard = {each.name for each in network.channels.values() if each.users}
         loads = [mark_unheard(told[name].now, heard) if name in told else silent(network, name) for name in names]
-        yield [replace(each, host=where.get(each.component, HERE)) for each in loads] if hosts.posts else loads
+        yield [replace(each, host=where.get(each.component, "")) for each in loads]
         number += 1
         if options.once or (options.seconds and time.monotonic() - begun >= options.seconds):
             return
@@ -147,7 +147,10 @@ def lines(
     """The table of components, then that of operations. Lines of more than `most` characters are shortened."""
     shown = [(each, one) for each in found for one in each.operations if options.all or not one.is_quiet]
     heads = _insert(_COMPONENTS, "host") if with_hosts else _COMPONENTS
-    rows = [(_insert(_component(each), each.host) if with_hosts else _component(each), _is_bad(each)) for each in found]
+    rows = [
+        (_insert(_component(each), each.host or HERE) if with_hosts else _component(each), _is_bad(each))
+        for each in found
+    ]
     table = _table(heads, rows, left=len(heads) - len(_COMPONENTS) + 2, most=most)
     if shown:
         operations = [(_operation(each, one), bool(one.failed or one.lost)) for each, one in shown]

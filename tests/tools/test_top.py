@@ -83,7 +83,7 @@ def test_json_has_all_operations(pair: Any, capsys: pytest.CaptureFixture[str]) 
     (line,) = said(capsys, "top", "pupil", "--once", "--json", "--middleware", "shm").splitlines()
     told = json.loads(line)
     by_name = {each["operation"]: each for each in told["operations"]}
-    assert (told["component"], told["pid"]) == ("desk/pupil", os.getpid())
+    assert (told["component"], told["host"], told["pid"]) == ("desk/pupil", "", os.getpid())
     assert by_name["divide"]["count"] > 3
     assert by_name["work"]["p50"] is None
 
