@@ -42,14 +42,28 @@ def _do(*command: str, check: bool = True) -> str:
     return done.stdout
 
 
+def subnet(number: int) -> str:
+    """How the addresses of a subnet begin."""
+    return f"10.{200 + number // 250 % 50}.{number % 250}"
+
+
+def unused(addresses: str) -> int:
+    """The number of a subnet in which this machine has none of its addresses, as `ip address` tells them.
+
+    Numbers begin anew after 12,500, so another process may have the same ones, and the network of the machine, too.
+    """
+    there = set(re.findall(r"inet (\d+\.\d+\.\d+)\.", addresses))
+    return next(number for number in _SUBNETS if subnet(number) not in there)
+
+
 class Laboratory:
     """A bridge, and hosts on it, which end with it: what runs there is killed."""
 
     def __init__(self) -> None:
         _sweep()
-        number = next(_SUBNETS)
+        number = unused(_do("ip", "-4", "-o", "address"))
         self._name = f"rc{os.getpid()}"
-        self._subnet = f"10.{200 + number // 250 % 50}.{number % 250}"
+        self._subnet = subnet(number)
         self._bridge = f"{self._name}b{number % 1000}"
         self.address = f"{self._subnet}.1"
         self.hosts: list[Host] = []

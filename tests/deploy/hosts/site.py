@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,8 +40,7 @@ def generate(root: Path, name: str, model: str, code: str, imports: str = "") ->
 @contextlib.contextmanager
 def laid_out(components: Path) -> Iterator[Site]:
     """A site in a laboratory, of which nothing is left afterwards."""
-    short = Path(f"/tmp/lab-{os.getpid()}")  # paths of sockets have 107 bytes
-    short.mkdir(mode=0o700)
+    short = Path(tempfile.mkdtemp(prefix="lab-", dir="/tmp"))  # paths of sockets have 107 bytes
     try:
         with Laboratory() as laboratory, contextlib.closing(Site(laboratory, short, components)) as made:
             yield made
