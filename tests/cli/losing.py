@@ -44,4 +44,4 @@ def run_losing(
 ) -> subprocess.CompletedProcess[str]:
     """Run a command that loses what this signal raises just before its module does anything."""
     command = [sys.executable, "-c", _LOSING, signal, program, module, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=SOON, **options)
+    return subprocess.run(command, capture_output=True, text=True, timeout=SOON * 3, **options)

@@ -45,6 +45,8 @@ class Program(subprocess.Popen[str]):
             return all(any(text in line for line in self.lines) for text in texts)
 
         wait_until(lambda: all_said() or self.poll() is not None, SOON * 3, ", ".join(texts))
+        if self.poll() is not None:
+            self.reader.join(SOON)  # its last lines may not have been read yet
         assert all_said(), self.lines
 
 

@@ -20,7 +20,7 @@ from .losing import run_losing
 def test_it_says_when_it_is_ready_and_ends_by_a_signal(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
         told.bind(str(tmp_path / "told"))
-        told.settimeout(SOON)
+        told.settimeout(SOON * 3)  # a process has to start first
         environment = os.environ | {
             "NOTIFY_SOCKET": str(tmp_path / "told"),
             "ROBOCOMP_RUNTIME_DIR": str(tmp_path / "r"),

@@ -483,7 +483,7 @@ print(net.talker.Everything.work("hello"), net.talker.Everything.latest().text)
 
 def test_a_script_that_does_not_close_ends_without_a_word(talker: Any) -> None:
     """And it needs nothing of the network."""
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=SOON, cwd="/")
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=SOON * 3, cwd="/")
     assert (done.stdout, done.stderr, done.returncode) == ("HELLO hello\n", "", 0)
 
 

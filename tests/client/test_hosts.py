@@ -147,7 +147,7 @@ print(net.talker.Everything.divide(17, 5).remainder, net.talker.Everything.lates
 
 @pytest.mark.usefixtures("network")
 def test_a_script_that_does_not_close_ends_its_scouts() -> None:
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=SOON, cwd="/")
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=SOON * 3, cwd="/")
     assert (done.stdout[:2], done.stderr, done.returncode) == ("2 ", "", 0)
 
 

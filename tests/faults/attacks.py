@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from ..freeports import free_port
+from ..freeports import free_ports
 from .checker import Violation
 from .history import Asked, Ended, Event
 from .laboratory import Laboratory, Remote, until
@@ -31,7 +31,7 @@ def _attacked(run: Run, what: str, megabytes: float) -> Result:
     neighbour notices then is the load of the machine, and what it notices later is compared with that.
     """
     seconds = 10.0 if run.full else 2.0
-    port, other_port = free_port(), free_port()
+    port, other_port = free_ports(2)
     target = _TOPIC if what == "subscriptions" else _CHANNEL
     with run.laboratory() as laboratory:
         other, server = (_server(laboratory, *each, what) for each in (("other", other_port), ("server", port)))

@@ -33,7 +33,7 @@ def told(*arguments: int) -> list[str]:
 
 
 def test_descriptors_are_told_once_at_four_fifths_of_the_limit() -> None:
-    assert told(100, 10_000, 79, 80, 90) == [
+    assert told(100, 4096, 79, 80, 90) == [
         "at 79",
         "arm: 80 of 100 file descriptors are in use. At the limit, no further peer can connect. "
         "Raise it: ulimit -n 4096",

@@ -53,7 +53,7 @@ def run(folder: Path, program: str, *arguments: str) -> str:
 
 
 def test_a_client_in_slice_asks_the_devices_at_the_ports_of_the_scene(tmp_path: Path) -> None:
-    laser, motors = freeports.free_port(), freeports.free_port()
+    laser, motors = freeports.free_ports(2)
     (tmp_path / "room.xml").write_text(SCENE.format(laser=laser, motors=motors))
     run(tmp_path, "rc", "sim", "new", "room.xml", "-o", "house", "--middleware", "ice")
     offers = run(tmp_path, "rc", "sim", "offers", "room.xml", "--ports")

@@ -1041,7 +1041,8 @@ from robocomp_py.transports.shm.transport import ShmTransport
 
 transport, hoard = ShmTransport(TransportConfig()), []
 transport.server(query(sys.argv[1]), answering(transport, bytes.upper))
-resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 20, 4096))
+_, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+resource.setrlimit(resource.RLIMIT_NOFILE, (max(map(int, os.listdir("/proc/self/fd"))) + 20, most))
 
 def take():
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import queue
-import socket
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +16,8 @@ from robocomp_py.transports.base import Status, TransportConfig
 from robocomp_py.transports.zenoh import session as sessions
 from robocomp_py.transports.zenoh.transport import ZenohTransport
 
+from ...freeports import free_port
+
 LATCHED = QoS(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, depth=3)
 
 
@@ -24,8 +25,7 @@ class Hosts:
     """Two hosts: the router of `base` runs, that of `onboard` once they are to meet."""
 
     def __init__(self, everything: contextlib.ExitStack) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as probe:
-            self._endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self._endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._everything = everything
         everything.enter_context(sessions.named_router("Base", {"listen/endpoints": [self._endpoint]}))
         self.base = self._join("here/Base")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -12,6 +11,8 @@ import zenoh
 from robocomp_py.testing.patience import wait_until
 from robocomp_py.transports.zenoh.neighbours import QUESTION, TRIES, Neighbours
 from robocomp_py.transports.zenoh.session import open_router
+
+from ...freeports import free_ports
 
 _SOON = 0.05
 """Seconds between two questions."""
@@ -24,7 +25,7 @@ class Other:
     """Another router, which connects to the first one."""
 
     def __init__(self, endpoint: str, everything: contextlib.ExitStack) -> None:
-        self.session = open_router(_free_endpoint(), {"connect/endpoints": [endpoint]})
+        self.session = open_router(endpoints(1)[0], {"connect/endpoints": [endpoint]})
         everything.callback(self.session.close)
         self.lost = 0
         """Connections that have ended."""
@@ -55,9 +56,9 @@ class Other:
         self.lost += event.kind == zenoh.SampleKind.DELETE
 
 
-def _free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+def endpoints(count: int) -> list[str]:
+    """So many different ones at which nothing listens."""
+    return [f"tcp/127.0.0.1:{port}" for port in free_ports(count)]
 
 
 @pytest.fixture
@@ -68,7 +69,7 @@ def everything() -> Iterator[contextlib.ExitStack]:
 
 @pytest.fixture
 def endpoint() -> str:
-    return _free_endpoint()
+    return endpoints(1)[0]
 
 
 @pytest.fixture
@@ -119,7 +120,7 @@ def test_a_router_is_known_to_answer_soon_after_it_connects(endpoint: str, every
 
 
 def test_routers_of_two_hosts_answer_each_other(everything: contextlib.ExitStack) -> None:
-    first, second = _free_endpoint(), _free_endpoint()
+    first, second = endpoints(2)
     sessions = [open_router(first), open_router(second, {"connect/endpoints": [first]})]
     for session in sessions:
         everything.callback(session.close)

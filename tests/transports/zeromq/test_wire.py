@@ -391,7 +391,7 @@ here.server(query("a/b/c"), answering(here, bytes.upper))
 caller = there.caller(query("a/b/c"))
 assert caller.wait_peer(SOON)
 assert caller.ask(blob(there, b"x"), SOON)
-resource.setrlimit(resource.RLIMIT_NOFILE, (256, 1024))
+resource.setrlimit(resource.RLIMIT_NOFILE, (256, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
 held = []
 try:
     while True:
