@@ -68,8 +68,8 @@ class Heard(Told):
         return [told[2] for told in self.told if told[:2] == ("output", name)]
 
     async def until(self, kind: str, name: str = "it") -> tuple[Any, ...]:
-        """The first of a kind, as soon as it is told."""
-        end = time.monotonic() + SOON
+        """The first of a kind, as soon as it is told. A process may have to start first."""
+        end = time.monotonic() + 3 * SOON
         while time.monotonic() < end:
             for told in self.told:
                 if told[:2] == (kind, name):
