@@ -33,6 +33,7 @@ WITHOUT_JSON = {
     "host": "it prints nothing but what its middleware logs",
     "sim new": "it writes files",
     "sim import": "it writes files",
+    "sim export": "it writes a file",
     "sim view": "it serves a page",
     "sim edit": "it serves a page",
     "foxglove": "it serves Foxglove, in its protocol",
