@@ -233,7 +233,7 @@ class _Checker:
         return name not in HOOKS and not name.startswith("__") and name not in {each.name for each in self._wanted}
 
     def _uncalled(self) -> list[Method]:
-        """Methods with names of handlers that no model needs and no code mentions."""
+        """Methods with names of handlers that no model needs, or misspelt ones of hooks, which no code mentions."""
         interfaces = {
             each.short for module in self._linked.modules for each in module.definitions if isinstance(each, Interface)
         }
@@ -242,20 +242,26 @@ class _Checker:
         candidates = [
             each
             for name, each in self._worker.methods.items()
-            if each.definition and self._is_free(name) and pattern.fullmatch(name)
+            if each.definition and self._is_free(name) and (pattern.fullmatch(name) or self._hook_meant(name))
         ]
         words = words_of(self._folder, self._read) if candidates else None
         return [each for each in candidates if words is not None and each.name not in words]
 
+    def _hook_meant(self, name: str) -> str:
+        return mistyped(name, [each for each in HOOKS if self._worker.find(each) is None])
+
     def _report_uncalled(self, method: Method, missing: Collection[str]) -> Diagnostic:
-        """An old handler; `missing` are those that one of its kind may have been renamed to."""
+        """An old handler, or a misspelt hook; `missing` are those that one of its kind may have been renamed to."""
+        message = f"`{method.name}` is not called by anything"
+        if meant := self._hook_meant(method.name):
+            hint = f"did you mean `{meant}`, which the framework calls?"
+            return Diagnostic("uncalled-handler", message, method.at, Severity.WARNING, hint)
         kind = method.name.partition("_")[0]
         kin = [name for name in missing if name.partition("_")[0] == kind]
         now = kin[0] if len(kin) == 1 else closest(method.name, kin, prefix=f"{kind}_")
         hint = f"was it renamed to `{now}`?" if now else "remove it if it is not needed any more"
         clauses = [each.clause for each in self._wanted if each.name.partition("_")[0] == kind] or [_COMPONENT]
         related = self._at(clauses[0], "nothing here asks for it")
-        message = f"`{method.name}` is not called by anything"
         return Diagnostic("uncalled-handler", message, method.at, Severity.WARNING, hint, related)
 
 

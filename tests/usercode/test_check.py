@@ -278,3 +278,22 @@ def test_a_module_that_is_not_generated_is_reported(statement: str, module: str)
     diagnostics = found(WHOLE, head, **generic)
     assert [(each.code, each.span.text) for each in diagnostics] == ([("missing-module", module)] if module else [])
     assert found(WHOLE, head) == []  # nothing is generated yet
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"), [("comptue", "compute"), ("inizialize", "initialize"), ("finsh", "finish")]
+)
+def test_a_misspelt_hook_that_nothing_calls_is_a_warning(written: str, meant: str) -> None:
+    (warning,) = found(f"{WHOLE}    def {written}(self): pass\n")
+    assert (warning.code, warning.message) == ("uncalled-handler", f"`{written}` is not called by anything")
+    assert warning.hint == f"did you mean `{meant}`, which the framework calls?"
+
+
+def test_a_method_with_a_name_like_that_of_a_hook_is_none_if_it_is_called(tmp_path: Path) -> None:
+    body = f"{WHOLE}    def computed(self): pass\n    def finish(self): self.computed()\n"
+    (tmp_path / "specificworker.py").write_text(f"class SpecificWorker:\n{body}")
+    assert found(body, folder=tmp_path) == []
+
+
+def test_a_method_with_a_name_like_that_of_a_hook_is_none_if_the_hook_is_there() -> None:
+    assert found(f"{WHOLE}    def computed(self): pass\n    def compute(self): pass\n") == []
