@@ -55,7 +55,7 @@ ALLOWED = {
     "robocomp_py/classic/workers/imports.py": {"exec": 1, "compile": 1, "__import__": 1},
     "robocomp_py/classic/workers/qt/core.py": {"exec": 1},  # a method of Qt's, by its two names
     "robocomp_py/testing/parts.py": {"multiprocessing": 1},  # victims of tests, which they start themselves
-    "robocomp_py/testing/faults.py": {"multiprocessing": 1},
+    "robocomp_py/testing/actors.py": {"multiprocessing": 1},
     "benchmarks/pair.py": {"multiprocessing": 2},  # the two ends of a measurement, likewise
     "benchmarks/scale/crowd.py": {"multiprocessing": 2},
 }

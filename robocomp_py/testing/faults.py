@@ -30,58 +30,58 @@ import contextlib
 import itertools
 import os
 import queue
-import signal
 import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
 
 from ..contract.qos import QoS, Reliability
 from ..errors import Timeout, Unreachable
-from ..transports.base import Caller, Capability, Outlet, Reply, Status, Transport
+from ..transports.base import Capability, Outlet, Reply, Status, Transport
 from ..transports.runtime_folder import runtime_dir
 from ..wire.codec import Payload
-from .parts import (
-    A_MOMENT,
-    TransportSuite,
-    answering,
-    answering_all_but,
-    asker,
-    blob,
-    command,
-    processes,
-    query,
-    start_process,
-    topic,
-    unblob,
+from .actors import (
+    FLOOD,
+    LARGE,
+    MESSAGE,
+    RELIABLE,
+    Act,
+    Other,
+    Start,
+    answered,
+    ask_again_and_again,
+    ask_in_a_loop,
+    ask_without_waiting,
+    everything,
+    flood,
+    flood_reliably,
+    large_bytes,
+    listen,
+    listen_as_tap,
+    number_of,
+    numbered,
+    open_everything,
+    publish_again_and_again,
+    reply_and_die,
+    take_commands,
+    take_numbers,
 )
+from .parts import A_MOMENT, TransportSuite, answering, answering_all_but, asker, blob, command, query, topic, unblob
 from .patience import SOON, wait_until
 
-LARGE = 6_000_000
-FLOOD = 3000
-"""Messages of MESSAGE octets: twice the memory that a flood may cost."""
-MESSAGE = 100_000
 MOST_MEMORY = 150_000_000
-_RELIABLE = QoS(Reliability.RELIABLE, depth=4)
 _MISSED = 100
 """Messages of MESSAGE octets for a tap that takes none: more than queues and the kernel hold."""
 _CLIENTS = 6
 """Processes that ask one server at once."""
 _LEAST_LEASE = 2.0
 """For so many seconds every transport bears with a process that hangs."""
-
-Control: TypeAlias = "Connection[Any, Any]"
-Act: TypeAlias = Callable[[Transport, str, "Control"], None]
-"""What another process does, on a transport of its own; when it returns, that process ends properly."""
 
 
 class TransportFaults(TransportSuite):
@@ -121,7 +121,7 @@ class TransportFaults(TransportSuite):
             return Reply(Status.OK, payload)
 
         here.server(query(name), service)
-        clients = [start(_ask_in_a_loop) for _ in range(_CLIENTS)]
+        clients = [start(ask_in_a_loop) for _ in range(_CLIENTS)]
         for number, client in enumerate(clients):
             client.tell(b"%d" % number)
         for client in clients:
@@ -148,7 +148,7 @@ class TransportFaults(TransportSuite):
         here.server(query(name), service)
         caller = there.caller(query(name))
         assert caller.wait_peer(SOON)
-        start(_ask_without_waiting)
+        start(ask_without_waiting)
         held_up = []
         wait_until(lambda: handled[b"flood"] > 200, SOON * 3)
         for _ in range(20):
@@ -164,16 +164,16 @@ class TransportFaults(TransportSuite):
         self, here: Transport, there: Transport, name: str, ask: str, start: Start, pool: ThreadPoolExecutor
     ) -> None:
         caller = there.caller(query(name))
-        victim = start(_reply_and_die)
+        victim = start(reply_and_die)
         assert victim.heard() == "serving"
         assert caller.wait_peer(SOON)
         asking = pool.submit(asker(there, caller, ask, SOON / 2), b"6 MB")
         assert victim.heard() == "replying"
         victim.join()
         with contextlib.suppress(Unreachable, Timeout):
-            assert asking.result(SOON) == _large(1)
+            assert asking.result(SOON) == large_bytes(1)
         wait_until(lambda: _serve(here, name))
-        wait_until(lambda: _answered(there, caller, ask, b"next") == b"NEXT")
+        wait_until(lambda: answered(there, caller, ask, b"next") == b"NEXT")
 
     def test_a_client_killed_while_the_server_writes_hurts_no_other(
         self, here: Transport, there: Transport, name: str, start: Start
@@ -183,12 +183,12 @@ class TransportFaults(TransportSuite):
         def service(payload: Payload, expires: float) -> Reply:
             data = unblob(here, payload)
             executed[data] += 1
-            return Reply(Status.OK, blob(here, data if data.startswith(b"witness") else _large(2)))
+            return Reply(Status.OK, blob(here, data if data.startswith(b"witness") else large_bytes(2)))
 
         here.server(query(name), service)
         witness = there.caller(query(name))
         assert witness.wait_peer(SOON)
-        victim = start(_ask_again_and_again)
+        victim = start(ask_again_and_again)
         acknowledged = [victim.heard() for _ in range(10)]
         victim.kill()
         asked = [b"witness %d" % number for number in range(20)]
@@ -207,7 +207,7 @@ class TransportFaults(TransportSuite):
             heard.put((len(data), int(data.min()), int(data.max())))
 
         here.inlet(topic(name), sink)
-        victim = start(_publish_again_and_again)
+        victim = start(publish_again_and_again)
         seen = [heard.get(timeout=SOON * 3) for _ in range(5)]  # a process has to start first
         victim.kill()
         outlet = there.outlet(topic(name))
@@ -229,7 +229,7 @@ class TransportFaults(TransportSuite):
         loose, strict = topic(name, QoS(depth=4)), topic(name + "r", QoS(Reliability.RELIABLE, depth=4))
         reliable = Capability.RELIABLE in here.capabilities
         outlets = [here.outlet(loose), *([here.outlet(strict)] if reliable else [])]
-        victim = start(_listen)
+        victim = start(listen)
         assert victim.heard() == "listening"
         for outlet in outlets:
             assert outlet.wait_peer(SOON)
@@ -258,20 +258,20 @@ class TransportFaults(TransportSuite):
         if Capability.RELIABLE not in here.capabilities:
             return  # refused, as the conformance suite shows
         heard: list[int] = []
-        there.inlet(topic(name, _RELIABLE), lambda payload: heard.append(_number(there, payload)))
-        outlet, numbers = here.outlet(topic(name, _RELIABLE)), itertools.count(1)
-        tap = start(_tap)
+        there.inlet(topic(name, RELIABLE), lambda payload: heard.append(number_of(there, payload)))
+        outlet, numbers = here.outlet(topic(name, RELIABLE)), itertools.count(1)
+        tap = start(listen_as_tap)
         assert tap.heard() == "listening"
         assert outlet.wait_peer(SOON)
         wait_until(lambda: _said(here, outlet, next(numbers)) and tap.all_heard() and heard)
         tap.stop()
         for _ in range(_MISSED):
-            outlet.send(_numbered(here, next(numbers)), SOON)
+            outlet.send(numbered(here, next(numbers)), SOON)
         tap.kill()
         for _ in range(_MISSED):
-            outlet.send(_numbered(here, next(numbers)), SOON)
+            outlet.send(numbered(here, next(numbers)), SOON)
         last = next(numbers)
-        outlet.send(_numbered(here, last), SOON)
+        outlet.send(numbered(here, last), SOON)
         wait_until(lambda: heard[-1] == last)
         assert heard == list(range(heard[0], last + 1))
 
@@ -282,17 +282,17 @@ class TransportFaults(TransportSuite):
         reliable = Capability.RELIABLE in here.capabilities
         if kind == "topic" and not reliable:
             return  # refused, as the conformance suite shows
-        outlet = here.outlet(topic(name, _RELIABLE) if kind == "topic" else command(name))
-        sleeper = start(_take_numbers if kind == "topic" else _take_commands)
+        outlet = here.outlet(topic(name, RELIABLE) if kind == "topic" else command(name))
+        sleeper = start(take_numbers if kind == "topic" else take_commands)
         assert sleeper.heard() == "listening"
         assert outlet.wait_peer(SOON)
-        outlet.send(_numbered(here, 0), SOON)
+        outlet.send(numbered(here, 0), SOON)
         assert sleeper.heard() == 0
         sleeper.stop()
         stopped, taken = time.monotonic(), []
         with contextlib.suppress(Timeout, Unreachable):
             for number in range(1, FLOOD):
-                outlet.send(_numbered(here, number), A_MOMENT)
+                outlet.send(numbered(here, number), A_MOMENT)
                 taken.append(number)
         counts = outlet.wait_peer(0.0)  # else it has been given up, for good
         assert len(taken) < FLOOD - 1 or not counts
@@ -301,7 +301,7 @@ class TransportFaults(TransportSuite):
 
         def the_last_is_heard() -> bool:
             with contextlib.suppress(Timeout, Unreachable):
-                outlet.send(_numbered(here, next(later)), A_MOMENT)
+                outlet.send(numbered(here, next(later)), A_MOMENT)
             heard.extend(sleeper.all_heard())
             return heard[-1] > FLOOD
 
@@ -319,7 +319,7 @@ class TransportFaults(TransportSuite):
     def test_what_a_killed_process_left_is_gone_after_the_next_one(self, name: str, start: Start) -> None:
         self._open_and_close(name)  # creates what is permanent, such as folders
         before = self.leftovers()
-        victim = start(_open_everything)
+        victim = start(open_everything)
         assert victim.heard() == "open"
         victim.kill()
         self._open_and_close(name)
@@ -327,7 +327,7 @@ class TransportFaults(TransportSuite):
 
     def _open_and_close(self, name: str) -> None:
         transport = self.open_transport()
-        _everything(transport, name)
+        everything(transport, name)
         transport.close()
 
     # Neighbours that do not take part in the call.
@@ -341,7 +341,7 @@ class TransportFaults(TransportSuite):
         here.inlet(topic(name + "t"), lambda payload: heard.put(unblob(here, payload)))
         caller, outlet = there.caller(query(name)), there.outlet(topic(name + "t"))
         with tempfile.TemporaryDirectory(prefix="rc-", dir="/tmp") as folder:
-            other = start(_open_everything, folder)
+            other = start(open_everything, folder)
             assert other.heard() == "open"
             assert caller.wait_peer(SOON)
             assert outlet.wait_peer(SOON)
@@ -358,12 +358,12 @@ class TransportFaults(TransportSuite):
         delivered: list[int] = []
 
         def sink(payload: Payload) -> None:
-            delivered.append(_number(here, payload))
+            delivered.append(number_of(here, payload))
             if delivered[-1] % 10 == 0:
                 time.sleep(0.002)  # slower than the flood
 
         link = here.inlet(topic(name, QoS(depth=4)), sink)
-        sender = start(_flood)
+        sender = start(flood)
         wait_until(lambda: delivered, SOON * 3)  # a process has to start first
         sender.tell("pause")  # earlier messages may have been dropped before the first one was delivered
         paused = sender.heard()
@@ -386,8 +386,8 @@ class TransportFaults(TransportSuite):
             return  # refused, as the conformance suite shows
         delivered: list[int] = []
         channel = topic(name, QoS(Reliability.RELIABLE, depth=16))
-        link = here.inlet(channel, lambda payload: delivered.append(_number(here, payload)))
-        sender = start(_flood_reliably)
+        link = here.inlet(channel, lambda payload: delivered.append(number_of(here, payload)))
+        sender = start(flood_reliably)
         wait_until(lambda: delivered, SOON * 3)  # a process has to start first
         before = memory()
         sender.tell("go")
@@ -423,165 +423,9 @@ class TransportFaults(TransportSuite):
             assert heard.get(timeout=SOON) == b"%d" % hours
 
 
-# -- other processes ----------------------------------------------------------
-
-
-class Other:
-    """Another process with a transport of its own."""
-
-    def __init__(self, suite: type[TransportFaults], name: str, act: Act, folder: str = "") -> None:
-        """`folder` is its run-time folder, to act as another user."""
-        self._control, theirs = processes.Pipe()
-        self._process = start_process(_live, suite, name, act, theirs, folder)
-        theirs.close()
-
-    def tell(self, what: object) -> None:
-        self._control.send(what)
-
-    def heard(self) -> Any:
-        """Its next message."""
-        assert self._control.poll(SOON * 3)
-        return self._control.recv()
-
-    def all_heard(self) -> list[Any]:
-        """All its messages until its end."""
-        said = []
-        with contextlib.suppress(EOFError, ConnectionResetError):
-            while self._control.poll(0):
-                said.append(self._control.recv())
-        return said
-
-    def stop(self) -> None:
-        """Stop the process, so that it hangs."""
-        assert self._process.pid is not None
-        os.kill(self._process.pid, signal.SIGSTOP)
-
-    def go_on(self) -> None:
-        assert self._process.pid is not None
-        os.kill(self._process.pid, signal.SIGCONT)
-
-    def join(self) -> None:
-        """Wait until it has ended."""
-        self._process.join(SOON)
-        assert not self._process.is_alive()
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.join()
-
-
-Start: TypeAlias = Callable[..., Other]
-"""Of an `Act`, and the run-time folder of another user, if it is one."""
-
-
-def _live(suite: type[TransportFaults], name: str, act: Act, control: Control, folder: str) -> None:
-    if folder:
-        os.environ["ROBOCOMP_RUNTIME_DIR"] = folder
-    transport = suite().open_as_another_user() if folder else suite().open_transport()
-    try:
-        act(transport, name, control)
-    finally:
-        transport.close()
-
-
-def _until_told(control: Control) -> None:
-    """Wait for a message, or for the end of the parent process."""
-    with contextlib.suppress(EOFError):
-        if control.poll(SOON * 10):
-            control.recv()
-
-
-def _reply_and_die(transport: Transport, name: str, control: Control) -> None:
-    reply = blob(transport, _large(1))
-
-    def service(payload: Payload, expires: float) -> Reply:
-        control.send("replying")
-        threading.Timer(0.001, os.kill, (os.getpid(), signal.SIGKILL)).start()  # it takes longer than that to write
-        return Reply(Status.OK, reply)
-
-    transport.server(query(name), service)
-    control.send("serving")
-    _until_told(control)
-
-
-def _ask_again_and_again(transport: Transport, name: str, control: Control) -> None:
-    caller, say = transport.caller(query(name)), threading.Lock()
-    assert caller.wait_peer(SOON)
-
-    def ask(numbers: range) -> None:
-        for number in numbers:
-            asker(transport, caller, "ask")(b"%d" % number)
-            with say:
-                control.send(number)
-
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(ask, (range(1, 100_000, 2), range(2, 100_000, 2))))
-
-
-def _ask_in_a_loop(transport: Transport, name: str, control: Control) -> None:
-    caller, word = transport.caller(query(name)), control.recv()
-    assert caller.wait_peer(SOON)
-    assert asker(transport, caller, "ask")(word) == word
-    control.send("answered")
-    while not control.poll(0):
-        asker(transport, caller, "ask")(word)
-    control.send("stopped")
-
-
-def _ask_without_waiting(transport: Transport, name: str, control: Control) -> None:
-    caller, room = transport.caller(query(name)), threading.Semaphore(200)
-    assert caller.wait_peer(SOON)
-    while not control.poll(0):
-        if room.acquire(timeout=A_MOMENT):
-            caller.call(blob(transport, b"flood"), SOON * 3).add_done_callback(lambda _: room.release())
-
-
-def _publish_again_and_again(transport: Transport, name: str, control: Control) -> None:
-    outlet = transport.outlet(topic(name))
-    assert outlet.wait_peer(SOON)
-    messages = [blob(transport, _large(value)) for value in (1, 2, 3)]
-    while not control.poll(0):
-        for message in messages:
-            outlet.send(message)
-
-
-def _listen(transport: Transport, name: str, control: Control) -> None:
-    say = threading.Lock()
-
-    def heard(payload: Payload) -> None:
-        with say:
-            control.send(unblob(transport, payload))
-
-    transport.inlet(topic(name, QoS(depth=4)), heard)
-    if Capability.RELIABLE in transport.capabilities:
-        transport.inlet(topic(name + "r", QoS(Reliability.RELIABLE, depth=4)), heard)
-    with say:
-        control.send("listening")
-    _until_told(control)
-
-
-def _take_numbers(transport: Transport, name: str, control: Control) -> None:
-    transport.inlet(topic(name, _RELIABLE), lambda payload: control.send(_number(transport, payload)))
-    control.send("listening")
-    _until_told(control)
-
-
-def _tap(transport: Transport, name: str, control: Control) -> None:
-    channel = replace(topic(name, QoS(depth=4)), tap=True)
-    transport.inlet(channel, lambda payload: control.send(_number(transport, payload)))
-    control.send("listening")
-    _until_told(control)
-
-
 def _said(transport: Transport, outlet: Outlet, number: int) -> bool:
-    outlet.send(_numbered(transport, number), SOON)
+    outlet.send(numbered(transport, number), SOON)
     return True
-
-
-def _take_commands(transport: Transport, name: str, control: Control) -> None:
-    transport.inlet(command(name), lambda payload: control.send(_number(transport, payload)))
-    control.send("listening")
-    _until_told(control)
 
 
 def _heard_of(transport: Transport, outlet: Outlet, listener: Other) -> bool:
@@ -589,92 +433,14 @@ def _heard_of(transport: Transport, outlet: Outlet, listener: Other) -> bool:
     return bool(listener.all_heard())
 
 
-def _open_everything(transport: Transport, name: str, control: Control) -> None:
-    _everything(transport, name)
-    control.send("open")
-    _until_told(control)
-
-
-def _flood(transport: Transport, name: str, control: Control) -> None:
-    outlet, number = transport.outlet(topic(name, QoS(depth=4))), 0
-    assert outlet.wait_peer(SOON)
-    while not control.poll(0.005):  # until the first one was heard
-        outlet.send(_numbered(transport, number))
-        number += 1
-    control.recv()
-    control.send(number - 1)
-    control.recv()
-    control.send(_flooded(transport, outlet, number, max(FLOOD, number + FLOOD)))
-    number = max(FLOOD, number + FLOOD)
-    while not control.poll(0.005):  # slowly, so that these arrive and reveal earlier losses
-        number += 1
-        outlet.send(_numbered(transport, number))
-    control.recv()
-    control.send(number)
-    _until_told(control)
-
-
-def _flood_reliably(transport: Transport, name: str, control: Control) -> None:
-    outlet = transport.outlet(topic(name, QoS(Reliability.RELIABLE, depth=16)))
-    assert outlet.wait_peer(SOON)
-    while not control.poll(0.005):
-        outlet.send(_numbered(transport, 0))
-    control.recv()
-    control.send(_flooded(transport, outlet, 1, FLOOD))
-    _until_told(control)
-
-
-def _flooded(transport: Transport, outlet: Outlet, first: int, last: int) -> str:
-    """Send these messages at full speed; return the rate as a text."""
-    begun = time.monotonic()
-    for number in range(first, last + 1):
-        outlet.send(_numbered(transport, number), SOON)
-    taken = time.monotonic() - begun
-    return f"{last + 1 - first} messages of {MESSAGE} octets at {(last + 1 - first) / taken:.0f}/s"
-
-
-# -- what both sides use ------------------------------------------------------
-
-
 def memory() -> int:
     """The resident memory of this process, in bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def _large(value: int) -> bytes:
-    return bytes([value]) * LARGE
-
-
-def _numbered(transport: Transport, number: int) -> Payload:
-    return blob(transport, b"%08d" % number + bytes(MESSAGE - 8))
-
-
-def _number(transport: Transport, payload: Payload) -> int:
-    return int(unblob(transport, payload)[:8])
-
-
-def _answered(transport: Transport, caller: Caller, how: str, data: bytes) -> bytes | None:
-    try:
-        return asker(transport, caller, how)(data)
-    except (Unreachable, Timeout):
-        return None  # it still uses the killed one
-
-
 def _serve(transport: Transport, name: str) -> bool:
     transport.server(query(name), answering(transport, bytes.upper))
     return True
-
-
-def _everything(transport: Transport, name: str) -> None:
-    """An open link of every kind, used as far as possible within one process."""
-    transport.server(query(name), answering(transport, bytes.upper))
-    transport.inlet(command(name + "c"), lambda _: None)
-    transport.inlet(topic(name + "t"), lambda _: None)
-    outlet, caller = transport.outlet(topic(name + "t")), transport.caller(query(name))
-    assert outlet.wait_peer(SOON)
-    assert caller.wait_peer(SOON)
-    outlet.send(blob(transport, bytes(MESSAGE)))
-    assert _answered(transport, caller, "ask", b"x") == b"X"
 
 
 def _told(transport: Transport, outlet: Outlet, data: bytes) -> bool:
