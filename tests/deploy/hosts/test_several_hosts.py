@@ -189,16 +189,24 @@ def test_tools_measure_publish_record_and_script_over_hosts(site: Site, middlewa
     )
     run = site.run("--insecure", net)
     run.says("both components")
-    measured = [json.loads(line) for line in site.rc("hz", "echo/Tick", "--for", "1.5", "--json").lines]
+    for seconds in (1.5, 6, 24):  # on a busy machine, nothing may come in a short time
+        rate = site.rc("hz", "echo/Tick", "--for", seconds, "--json")
+        if rate.code == 0:
+            break
+    measured = [json.loads(line) for line in rate.lines]
     assert (measured[-1]["channel"], measured[-1]["missing"]) == ("echo/Tick/tick", 0)
     assert measured[-1]["hz"] > 1
     assert site.rc("pub", "echo/Tick", "number=-7").code == 0
     run.says(r"ear │ .*told -7")
-    recorded = site.rc("record", "Tick", "--for", "1", "-o", site.folder / "recording", "--json")
-    assert recorded.code == 0, recorded.text
-    (topic,) = json.loads(recorded.lines[-1])["topics"]
+    for seconds in (1, 4, 16):
+        folder = site.folder / f"recording-{seconds}"
+        recorded = site.rc("record", "Tick", "--for", seconds, "-o", folder, "--json")
+        assert recorded.code == 0, recorded.text
+        (topic,) = json.loads(recorded.lines[-1])["topics"]
+        if topic["messages"]:
+            break
     assert (topic["channel"], topic["host"], topic["lost"]) == ("echo/Tick/tick", "robot", 0)
-    with Recording(site.folder / "recording") as recording:
+    with Recording(folder) as recording:
         assert recording.counts["echo/Tick/tick"] == topic["messages"] > 0
     assert site.script(SCRIPT).lines == ["twice 42", "next 1"]
     if middleware == "zeromq":

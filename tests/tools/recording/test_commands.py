@@ -49,10 +49,14 @@ def talker(request: pytest.FixtureRequest) -> Iterator[str]:
 def test_a_topic_is_recorded_and_read_by_us_and_by_ros(
     talker: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = json.loads(said(capsys, "record", "news", "--for", "0.7", "-o", tmp_path / "run", "--json"))
-    (topic,) = told["topics"]
+    for number, seconds in enumerate((0.7, 2.8, 11.2)):  # on a busy machine, nothing may come in a short time
+        run = tmp_path / f"run{number}"
+        told = json.loads(said(capsys, "record", "news", "--for", seconds, "-o", run, "--json"))
+        (topic,) = told["topics"]
+        if topic["messages"]:
+            break
     assert (topic["channel"], topic["unreadable"]) == (CHANNEL, 0)
-    with Recording(tmp_path / "run") as recording:
+    with Recording(run) as recording:
         messages = list(recording.messages())
         values = [values_by_topic()(each) for each in messages]
         assert recording.topics[CHANNEL].publisher == "talker"
@@ -64,7 +68,7 @@ def test_a_topic_is_recorded_and_read_by_us_and_by_ros(
     missing = sequences[-1] + 1 - sequences[0] - len(messages)  # none, unless the machine is very busy
     assert topic["lost"] + topic["dropped"] >= missing
     assert all(0 <= each.log_time - each.publish_time < 60e9 for each in messages)
-    with AnyReader([tmp_path / "run"], default_typestore=get_typestore(Stores.EMPTY)) as reader:
+    with AnyReader([run], default_typestore=get_typestore(Stores.EMPTY)) as reader:
         found = [reader.deserialize(raw, each.msgtype).number for each, _, raw in reader.messages()]
     assert found == [number for number, _ in values]
 
