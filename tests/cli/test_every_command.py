@@ -69,6 +69,13 @@ def test_help_has_examples_and_tells_the_exit_codes(name: str, capsys: Said) -> 
     assert len(told.splitlines()) > 8
 
 
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a narrow terminal, help has lines that begin anywhere."""
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+@pytest.mark.usefixtures("wide")
 def test_the_help_lists_each_command_once_in_its_group(capsys: Said) -> None:
     assert ended("--help") == 0
     told = capsys.readouterr().out.partition("\noptions:")[0]
@@ -98,6 +105,7 @@ def parsers(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[s
         yield name, parser
 
 
+@pytest.mark.usefixtures("wide")
 def test_each_command_has_json_or_a_reason_why_not() -> None:
     known = {name: made for each in rc.COMMANDS for name, made in parsers(rc.parser_for(each))}
     without = {name for name, made in known.items() if not re.search(r"^ +--json\b", made.format_help(), re.MULTILINE)}
