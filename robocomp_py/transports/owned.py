@@ -72,11 +72,11 @@ def _in_the_way(name: str | Path, path: Path, above: int | None) -> str:
     """What is there instead of a folder, for the message only: it may have changed since."""
     info = os.stat(name, dir_fd=above, follow_symlinks=False)
     if not stat.S_ISLNK(info.st_mode):
-        return f"needs a folder, and {path} is a file of {_user(info.st_uid)}; {_removal(info.st_uid, path)}"
+        return f"needs a folder, and {path} is a file of {_user(info.st_uid)}; {_moving(info.st_uid, path)}"
     target = os.readlink(name, dir_fd=above)
     return (
         f"needs a folder, and {path} is a symbolic link to {target}, made by {_user(info.st_uid)}; "
-        f"{_removal(info.st_uid, path)}"
+        f"{_moving(info.st_uid, path)}"
     )
 
 
@@ -84,7 +84,7 @@ def _check_owner(path: Path, opened: int) -> None:
     owner = os.fstat(opened).st_uid
     if owner != os.getuid():
         raise NotOurs(
-            f"has to belong to {_user(os.getuid())}, and {path} belongs to {_user(owner)}; {_removal(owner, path)}"
+            f"has to belong to {_user(os.getuid())}, and {path} belongs to {_user(owner)}; {_moving(owner, path)}"
         )
 
 
@@ -98,8 +98,9 @@ def _check_parent(folder: Path) -> None:
         )
 
 
-def _removal(owner: int, path: Path) -> str:
-    return f"remove it ({'' if owner == os.getuid() else 'sudo '}rm -r {path})"
+def _moving(owner: int, path: Path) -> str:
+    """Never to remove it: a setting may name a wrong path."""
+    return f"move it away ({'' if owner == os.getuid() else 'sudo '}mv {path} {path}.old)"
 
 
 def _user(uid: int) -> str:

@@ -23,7 +23,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_symbolic_link_to_a_private_folder_is_refused(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     folder.symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(ConfigurationError, match=rf"{folder} is a symbolic link to {tmp_path}/elsewhere, made by .*rm"):
+    with pytest.raises(
+        ConfigurationError, match=rf"{folder} is a symbolic link to {tmp_path}/elsewhere, made by .*; move it away"
+    ):
         runtime_dir()
     assert not list((tmp_path / "elsewhere").iterdir())
 
@@ -37,7 +39,9 @@ def test_a_link_above_the_folder_is_followed(tmp_path: Path, monkeypatch: pytest
 
 def test_a_file_in_the_way_is_named(folder: Path) -> None:
     folder.touch()
-    with pytest.raises(ConfigurationError, match=rf"{folder} is a file of user .*; remove it \(rm -r {folder}\)"):
+    with pytest.raises(
+        ConfigurationError, match=rf"{folder} is a file of user .*; move it away \(mv {folder} {folder}.old\)"
+    ):
         runtime_dir()
 
 
@@ -67,7 +71,8 @@ def test_the_owner_of_a_subfolder_is_checked_and_told(folder: Path, monkeypatch:
 
     monkeypatch.setattr(os, "fstat", fstat)
     with pytest.raises(
-        ConfigurationError, match=rf"{inner} belongs to the user with uid 54321; remove it \(sudo rm -r {inner}\)"
+        ConfigurationError,
+        match=rf"{inner} belongs to the user with uid 54321; move it away \(sudo mv {inner} {inner}.old\)",
     ):
         runtime_dir("shm")
     assert runtime_dir() == folder
