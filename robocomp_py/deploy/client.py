@@ -99,12 +99,17 @@ def not_running(network: str, advice: str = "") -> str:
 
 
 def running_plan(network: str) -> dict[str, Any] | None:
-    """The plan that a network runs by, as JSON; None if it does not run. Raises DeploymentError."""
+    """The plan that a network runs by, as JSON; None if it does not run, or is only just beginning or ending.
+
+    Raises DeploymentError.
+    """
     place = Place(network)
     if place.runner() is None:
         return None
     try:
         found = json.loads(place.plan.read_text(encoding="utf-8"))
+    except FileNotFoundError:  # its runner writes it once it can be asked, and removes it before it ends
+        return None
     except (OSError, ValueError) as exc:
         raise DeploymentError(f"network `{network}` runs, but its plan cannot be read: {place.plan}: {exc}") from exc
     return found if isinstance(found, dict) else {}

@@ -21,6 +21,7 @@ from robocomp_py.deploy.policy import State
 from robocomp_py.deploy.process import Process
 from robocomp_py.deploy.streams import Output
 from robocomp_py.deploy.terminal import Terminal
+from robocomp_py.errors import DeploymentError
 from robocomp_py.testing.patience import SOON
 
 from .networks import Standing, process
@@ -140,6 +141,14 @@ def test_while_it_is_watched_it_can_be_asked_and_its_plan_be_read(place: Place) 
 def _ask() -> tuple[object, object]:
     with Connection("house") as connection:
         return connection.status(), running_plan("house")
+
+
+def test_a_network_that_begins_or_ends_has_no_plan_and_so_does_not_run_yet_or_any_more(place: Place) -> None:
+    assert place.runner()
+    assert running_plan("house") is None
+    place.plan.write_text("half a pl")
+    with pytest.raises(DeploymentError, match=r"network `house` runs, but its plan cannot be read: .*plan.json"):
+        running_plan("house")
 
 
 def test_after_detaching_nothing_is_shown_but_all_is_logged(place: Place) -> None:
