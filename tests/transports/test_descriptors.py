@@ -11,7 +11,7 @@ import pytest
 from robocomp_py.testing.patience import SOON
 
 # Without DDS and Zenoh: Cyclone DDS crashes where it can open no socket, and Zenoh ends threads of its own.
-TRANSPORTS = "ice", "shm", "zeromq"
+TRANSPORTS = pytest.param("ice", marks=pytest.mark.tool), "shm", "zeromq"
 
 MOST = 24
 """Descriptors with which every transport opens."""
