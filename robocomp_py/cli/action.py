@@ -241,10 +241,8 @@ def _print_feedback(
         return
     if identity == goal.id and action.feedback:
         shown = shown_feedback(action, told)
-        if options.json:
-            print(json.dumps({"feedback": shown}), flush=True)
-        else:
-            print(f"feedback {spelled(shown)}", flush=True)
+        line = json.dumps({"feedback": shown}) if options.json else f"feedback {spelled(shown)}"
+        print(f"{line}\n", end="", flush=True)  # in one piece: after Ctrl-C, more is printed
 
 
 def _outcome(goal: Goal[Any, Any], action: Action, options: argparse.Namespace) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import signal
@@ -106,6 +107,23 @@ def test_a_goal_that_takes_too_long_is_cancelled(capsys: pytest.CaptureFixture[s
     printed = capsys.readouterr()
     assert printed.out.splitlines()[-1] == "CANCELED"
     assert "not over in 0.1 s; cancelling the goal" in printed.err
+
+
+def test_each_message_of_feedback_is_written_whole_since_more_follows_after_ctrl_c(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pieces = list[str]()
+
+    class Written(io.StringIO):
+        def write(self, text: str) -> int:
+            pieces.append(text)
+            return len(text)
+
+    monkeypatch.setattr(sys, "stdout", Written())
+    assert rc.main(["action", "send", "fly", "target.x=1", "target.y=2", "steps=3"]) == 0
+    told = [each for each in pieces if each.startswith("feedback")]
+    assert told
+    assert all(each.endswith("\n") for each in told)
 
 
 def test_ctrl_c_cancels_the_goal(capsys: pytest.CaptureFixture[str]) -> None:
