@@ -142,7 +142,7 @@ def network_named(text: str) -> str:
 
 
 def _made(path: Path) -> str:
-    """How a scene is made from a file that is none."""
+    """The command that makes a scene of a file that is not one; "" if none does."""
     return f"; to make one: rc sim import {path}" if path.suffix.lower() == ".urdf" else ""
 
 

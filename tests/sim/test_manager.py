@@ -181,7 +181,7 @@ def test_a_node_that_is_removed_is_no_longer_provided(house: ComponentTest, capl
 
 
 def test_a_device_that_comes_back_while_it_is_removed_is_provided(folder: Path) -> None:
-    class Interrupted(load_component(folder)):  # type: ignore[misc]
+    class Interrupted(load_component(folder)):  # type: ignore[misc]  # its class is found at run time
         """A removal of a laser waits until its calls are answered; meanwhile, another client resets the scene."""
 
         def _withdraw(self, port: Port, name: str) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -57,7 +58,7 @@ def house(plain: Path) -> Iterator[ComponentTest]:
     assert component.fine
 
 
-def call(house: ComponentTest, name: str, interface: str, operation: str, *arguments: object) -> object:
+def call(house: ComponentTest, name: str, interface: str, operation: str, *arguments: object) -> Any:
     handler = getattr(house.worker, interface.lower())[name]
     return getattr(handler, operation)(*arguments)
 
@@ -70,24 +71,24 @@ def test_every_device_is_an_instance(house: ComponentTest) -> None:
 
 
 def test_a_laser_is_asked(house: ComponentTest) -> None:
-    right, ahead = call(house, "front", "Laser", "getLaserData")  # type: ignore[misc]
+    right, ahead = call(house, "front", "Laser", "getLaserData")
     assert (right.angle, right.dist) == pytest.approx((math.pi / 2, 1500))
     assert (ahead.angle, ahead.dist) == pytest.approx((0, 5000), abs=1e-6)
-    scan, state = call(house, "front", "Laser", "getLaserAndBStateData")  # type: ignore[misc]
+    scan, state = call(house, "front", "Laser", "getLaserAndBStateData")
     assert (len(scan), state.x) == (2, 500)
-    assert call(house, "still", "Laser", "getLaserAndBStateData")[1].x == 0  # type: ignore[index]
-    assert call(house, "aside", "Laser", "getLaserAndBStateData")[1].x == 500  # type: ignore[index]
+    assert call(house, "still", "Laser", "getLaserAndBStateData")[1].x == 0
+    assert call(house, "aside", "Laser", "getLaserAndBStateData")[1].x == 500
     said = call(house, "front", "Laser", "getLaserConfData")
-    assert (said.maxMeasures, said.maxDegrees, said.maxRange) == (2, 180, 5000)  # type: ignore[attr-defined]
+    assert (said.maxMeasures, said.maxDegrees, said.maxRange) == (2, 180, 5000)
 
 
 def test_a_laser_tells_the_state_of_the_base_that_carries_it_now(house: ComponentTest) -> None:
     house.call("InnerModelManager.moveNode", "mount", "chair")
     house.call("Simulation.step", 1)
-    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == -2000  # type: ignore[index]
+    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == -2000
     house.call("InnerModelManager.moveNode", "mount", "world")
     house.call("Simulation.step", 1)
-    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == 0  # type: ignore[index]
+    assert call(house, "front", "Laser", "getLaserAndBStateData")[1].x == 0
 
 
 def test_a_base_is_driven(house: ComponentTest) -> None:
@@ -98,7 +99,7 @@ def test_a_base_is_driven(house: ComponentTest) -> None:
     passed = house.worker.world.time - began
     assert 0 < passed < 1
     state = call(house, "base", "DifferentialRobot", "getBaseState")
-    assert (state.x, state.z, state.advVz, state.isMoving) == pytest.approx((500, 100 * passed, 100, True))  # type: ignore[attr-defined]
+    assert (state.x, state.z, state.advVz, state.isMoving) == pytest.approx((500, 100 * passed, 100, True))
     pose = call(house, "chair", "OmniRobot", "getBasePose")
     assert pose == pytest.approx((-2000 + 60 * passed, 30 * passed, 0), abs=0.6)
     call(house, "base", "DifferentialRobot", "stopBase")
@@ -106,7 +107,7 @@ def test_a_base_is_driven(house: ComponentTest) -> None:
     assert call(house, "base", "DifferentialRobot", "getBasePose") == (10, 20, 0.5)
     call(house, "base", "DifferentialRobot", "correctOdometer", 30, 40, 0.25)
     state = call(house, "base", "DifferentialRobot", "getBaseState")
-    assert (state.x, state.correctedX, state.correctedAlpha) == (10, 30, 0.25)  # type: ignore[attr-defined]
+    assert (state.x, state.correctedX, state.correctedAlpha) == (10, 30, 0.25)
     call(house, "chair", "OmniRobot", "stopBase")
     call(house, "chair", "OmniRobot", "setOdometer", state)
     assert call(house, "chair", "OmniRobot", "getBaseState") == state
@@ -146,7 +147,7 @@ def test_a_first_speed_that_may_be_in_metres_is_told_once(
 
 def test_a_state_that_is_refused_changes_nothing(house: ComponentTest) -> None:
     state = call(house, "base", "DifferentialRobot", "getBaseState")
-    wrong = dataclasses.replace(state, x=1.0, correctedX=math.nan)  # type: ignore[type-var]
+    wrong = dataclasses.replace(state, x=1.0, correctedX=math.nan)
     with pytest.raises(Exception, match="nan is no pose"):
         call(house, "base", "DifferentialRobot", "setOdometer", wrong)
     assert call(house, "base", "DifferentialRobot", "getBaseState") == state
@@ -157,9 +158,9 @@ def test_a_base_that_goes_on_for_ever_stops_where_messages_cannot_carry_its_plac
     for _ in range(2):
         call(house, "base", "DifferentialRobot", "setSpeedBase", 1e9, 0.0)
         house.wait_for_computes(11)
-    x, _, _ = call(house, "base", "DifferentialRobot", "getBasePose")  # type: ignore[misc]
+    x, _, _ = call(house, "base", "DifferentialRobot", "getBasePose")
     assert 10**9 < x < 2**31
-    assert not call(house, "base", "DifferentialRobot", "getBaseState").isMoving  # type: ignore[attr-defined]
+    assert not call(house, "base", "DifferentialRobot", "getBaseState").isMoving
 
 
 def test_the_next_commands_are_told(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -204,10 +205,10 @@ def test_records_are_filled_as_lists_are(scene: Path) -> None:
     assert rcgen([str(cdsl)]) == 0
     with ComponentTest(load_component(folder / "house"), virtual=True) as house:
         scan = call(house, "front", "Laser", "getLaserData")
-        assert scan.dtype.names == ("angle", "dist", "light")  # type: ignore[attr-defined]
-        assert scan["dist"].tolist() == pytest.approx([1500, 5000])  # type: ignore[index]
+        assert scan.dtype.names == ("angle", "dist", "light")
+        assert scan["dist"].tolist() == pytest.approx([1500, 5000])
         said = call(house, "front", "Laser", "getLaserConfData")
-        assert (said.maxRange, said.colour) == (5000, 0)  # type: ignore[attr-defined]
+        assert (said.maxRange, said.colour) == (5000, 0)
     assert house.fine
 
 

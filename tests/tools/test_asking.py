@@ -123,8 +123,8 @@ def test_both_ends_of_a_query_are_counted(access: Access) -> None:
         running(make(Asking, find_transport, OVER, name="pupil")) as pupil,
     ):
         wait_until(lambda: len(pupil.entries) == 4)
-        for each in ("pupil", "calculator"):  # which counts a call after it has answered
-            wait_until(lambda name=each: counts(measured(access, name), "divide")[:2] == (3, 0))  # type: ignore[misc]
+        both = "pupil", "calculator"  # a server counts a call after it has answered
+        wait_until(lambda: all(counts(measured(access, each), "divide")[:2] == (3, 0) for each in both))
         asked, served = measured(access, "pupil"), measured(access, "calculator")
     assert counts(asked, "divide") == (3, 0, 3, 0)
     assert counts(served, "divide") == (3, 0, 3, 3)
@@ -195,9 +195,9 @@ def test_a_declared_exception_is_an_answer_and_another_one_a_failure(access: Acc
         running(make(Broken, find_transport, OVER, name="calculator")),
         running(make(Asking, find_transport, OVER, name="pupil")),
     ):
-        for each in ("calculator", "pupil"):
-            wait_until(lambda each=each: counts(measured(access, each), "work")[:2] == (1, 1))  # type: ignore[misc]
-            assert counts(measured(access, each), "divide")[:2] == (2, 0)
+        both = "calculator", "pupil"
+        wait_until(lambda: all(counts(measured(access, each), "work")[:2] == (1, 1) for each in both))
+        assert [counts(measured(access, each), "divide")[:2] for each in both] == [(2, 0)] * 2
 
 
 _WORK = next(each for each in Calculator.component.ports[0].interface.operations if each.name == "work")

@@ -51,7 +51,7 @@ class LaserHandler(InstanceHandler):
         return records(self._scan, scanned(self._world, self._laser.id))
 
     def getLaserAndBStateData(self) -> tuple[Any, Any]:
-        """The scan, and the state of the base at its `ifconfig` or that carries it; zeros if there is none."""
+        """The scan, and the state of the base at `ifconfig`, else of the base that carries it; zeros without a base."""
         base, _ = carried_by(self._world.tree, self._laser.id)
         values = state(self._world, base) if base else {}
         return self.getLaserData(), filled(self._state, values)

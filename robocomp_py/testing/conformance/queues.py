@@ -57,7 +57,7 @@ class QueuesConformance(TransportSuite):
         assert blocked.wait(SOON)
         for number in range(1, 21):
             outlet.send(blob(here, str(number).encode()))
-            wait_until(lambda n=number: link.stats.dropped >= n - 3)  # type: ignore[misc]
+            wait_until(lambda n=number: link.stats.dropped >= n - 3)  # type: ignore[misc]  # mypy
         release.set()
         wait_until(lambda: inbox.qsize() == 4)
         assert drain(inbox) == [b"0", b"18", b"19", b"20"]
@@ -80,7 +80,7 @@ class QueuesConformance(TransportSuite):
         for step in range(250):
             for _ in range(4):
                 outlet.send(blob(here, str(next(numbers)).encode()))
-            wait_until(lambda already=step: len(delivered) > already)  # type: ignore[misc]
+            wait_until(lambda already=step: len(delivered) > already)  # type: ignore[misc]  # mypy
             permits.release()
         permits.release(len(delivered))
         assert delivered[-1] > 500, "it is told what was sent long ago"
@@ -235,7 +235,7 @@ class QueuesConformance(TransportSuite):
             for number in range(1, 21):
                 before = heard[b"flood"]
                 other.send(blob(there, b"word"), SOON)
-                wait_until(lambda n=number: heard[b"word"] == n)  # type: ignore[misc]
+                wait_until(lambda n=number: heard[b"word"] == n)  # type: ignore[misc]  # mypy
                 held_up.append(meanwhile[number] - before)
             assert sorted(held_up)[10] < 50, held_up
         finally:

@@ -38,7 +38,7 @@ class TopicsConformance(TransportSuite):
         for number, message in enumerate(sent, 1):
             outlet.send(blob(there, message))
             if number % 100 == 0:  # best-effort messages may be lost if they are sent faster than they can travel
-                wait_until(lambda n=number: all(inbox.qsize() == n for inbox in inboxes))  # type: ignore[misc]
+                wait_until(lambda n=number: all(inbox.qsize() == n for inbox in inboxes))  # type: ignore[misc]  # mypy
         assert [drain(inbox) for inbox in inboxes] == [sent] * 3
 
     def test_the_publisher_may_come_first(self, here: Transport, there: Transport, name: str) -> None:

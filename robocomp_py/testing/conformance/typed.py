@@ -54,6 +54,7 @@ class TypedConformance(TransportSuite):
             assert not back.octets.flags.writeable
 
     def test_lists_bytes_and_buffers_are_taken_for_arrays(self, proxy: _Proxy) -> None:
+        # The fields are annotated as what they are once received.
         given = e.Arrays(b"abc", [1, 2], range(3), memoryview(np.ones(2, np.float32)), (0.5,), [True])  # type: ignore[arg-type]
         back = proxy.ask(e.echo_arrays, given)
         assert back.octets.tobytes() == b"abc"
@@ -338,7 +339,7 @@ class _Handlers:
 
 
 class _Onward(_Handlers):
-    """Passes work on until there is none left."""
+    """Passes work on until its count is 0."""
 
     def Everything_work(self, task: str) -> Any:
         left = int(task.split()[1])

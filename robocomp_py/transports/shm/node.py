@@ -145,7 +145,7 @@ class Node:
         return secret
 
     def _in_the_way(self) -> str:
-        """Why another user's file with one of our names is in the way; "" if there is none, or that cannot be seen."""
+        """What to do about another user's file with one of our names; "" if none is found."""
         try:
             ours = sorted(Path(SHARED_MEMORY).glob(f"{self._prefix}*"))
         except OSError:  # no descriptor is left, for example, which the caller reports

@@ -26,7 +26,7 @@ def news(number: int, text: str = "hello") -> bytes:
 
 
 def filled(folder: Path, options: Options, numbers: int, octets: int = 0) -> Path:
-    """A recording of so many messages, a second apart."""
+    """A recording of `numbers` messages, a second apart; `octets` makes each of them longer."""
     clock = count()
     writer = BagWriter(folder, options, clock=lambda: float(next(clock)))
     topic = writer.add(told)

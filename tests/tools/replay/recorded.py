@@ -22,7 +22,7 @@ CHANNEL = "talker/Everything/news"
 
 
 def recorded(folder: Path, numbers: int = 20, seconds: float = 0.01, channel: str = CHANNEL) -> Path:
-    """So many messages of `news`, this time apart; and as many commands of `poke`."""
+    """A recording of `numbers` messages of `news`, some `seconds` apart, and of as many commands of `poke`."""
     writer = BagWriter(folder)
     news = writer.add(Topic(channel, NEWS, "talker", "shm", RELIABLE))
     poke = writer.add(Topic("poked/Everything/poke", POKE, "talker", "shm", pattern=Pattern.COMMAND))
